@@ -1,0 +1,1 @@
+//! Oracles, strategies and tolerances for the tests of linpred.

@@ -1,0 +1,100 @@
+//! What flows between the layers: one row of an image as planes of `f32`.
+//!
+//! A [`RowSource`] (an EXR file, a renderer's buffers) delivers [`InputRow`]s from top to bottom; the
+//! pipeline turns them into [`OutputRow`]s, from top to bottom, for a [`RowSink`]. Neither end knows the
+//! other, and the pipeline knows neither files nor channel names.
+
+use crate::geometry::ImageSize;
+
+/// Features beside the pixel position: normal x y z, albedo r g b, depth.
+pub const FEATURES: usize = 7;
+
+/// Where the variance of the colour comes from once a source has turned it into rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum VarianceKind {
+    /// [`InputRow::variance`] is an estimate of the variance of the pixel's mean from many samples.
+    OfMean,
+    /// [`InputRow::variance`] is the squared half difference of two half buffers: unbiased, but one degree of
+    /// freedom, so the pipeline smooths it more.
+    OfHalves,
+    /// [`InputRow::variance`] is not filled: the pipeline estimates it from the colours.
+    Estimated,
+}
+
+/// What a source's rows hold; constant for the whole image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RowLayout {
+    /// Size of the image.
+    pub size: ImageSize,
+    /// What [`InputRow::variance`] means.
+    pub variance: VarianceKind,
+    /// Which features the image has; planes of the others hold 0.
+    pub features: [bool; FEATURES],
+    /// Which features have variances of their own; planes of the others hold 0.
+    pub feature_variances: [bool; FEATURES],
+    /// Extra colour layers to denoise with the models of the beauty.
+    pub layers: usize,
+}
+
+/// One row of input. Every plane has the image's width.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct InputRow {
+    /// Mean radiance, red green blue.
+    pub colour: [Vec<f32>; 3],
+    /// Variance of the mean radiance (see [`VarianceKind`]).
+    pub variance: [Vec<f32>; 3],
+    /// Features (see [`FEATURES`] for the order).
+    pub features: [Vec<f32>; FEATURES],
+    /// Variances of the features' means.
+    pub feature_variances: [Vec<f32>; FEATURES],
+    /// Extra layers, each red green blue.
+    pub layers: Vec<[Vec<f32>; 3]>,
+}
+
+impl InputRow {
+    /// A row of zeros that fits `layout`.
+    pub fn new(layout: &RowLayout) -> Self {
+        fn planes<const N: usize>(width: usize) -> [Vec<f32>; N] {
+            core::array::from_fn(|_| vec![0.0; width])
+        }
+        let width = layout.size.width();
+        Self {
+            colour: planes(width),
+            variance: planes(width),
+            features: planes(width),
+            feature_variances: planes(width),
+            layers: (0..layout.layers).map(|_| planes(width)).collect(),
+        }
+    }
+}
+
+/// One row of output. Every plane has the image's width.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OutputRow {
+    /// Denoised radiance, red green blue; always finite.
+    pub colour: [Vec<f32>; 3],
+    /// Estimated mean squared error of the denoised radiance, mean over the channels, radiance squared.
+    pub error: Vec<f32>,
+    /// Half-width of the prediction windows that predicted the pixel, weighted mean, 0 to 9 pixels.
+    pub radius: Vec<f32>,
+    /// Local rank of those models, weighted mean, 0 to 9.
+    pub rank: Vec<f32>,
+    /// Denoised extra layers, each red green blue.
+    pub layers: Vec<[Vec<f32>; 3]>,
+}
+
+/// Delivers the rows of an image.
+pub trait RowSource: Send {
+    /// What the rows hold.
+    fn layout(&self) -> RowLayout;
+
+    /// Fills `row` (made by [`InputRow::new`] for this layout) with row `y`. The pipeline asks for every row once,
+    /// from 0 to `height - 1`.
+    fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), crate::error::Error>;
+}
+
+/// Takes the rows of a denoised image.
+pub trait RowSink: Send {
+    /// Takes row `y`; called once for every row, from 0 to `height - 1`.
+    fn write_row(&mut self, y: usize, row: &OutputRow) -> Result<(), crate::error::Error>;
+}
