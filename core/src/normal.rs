@@ -154,7 +154,7 @@ impl<const T: usize> NormalEquations<T> {
 
     /// `sum w (beta^T z - y)^2` per channel over the pixels so far, without touching them again; never negative.
     ///
-    /// Absolute error: some 1e-15 of `sum w y^2`, the price of a difference of large sums.
+    /// Absolute error: some 1e-15 of `sum w y^2` and `sum w (beta^T z)^2`, the price of a difference of large sums.
     pub fn residual_squares(&self, beta: &[[f32; T]; CHANNELS]) -> [f32; CHANNELS] {
         let mut residual = [0.0; CHANNELS];
         for c in 0..CHANNELS {

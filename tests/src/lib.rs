@@ -1,4 +1,6 @@
 //! Oracles, strategies and tolerances for the tests of linpred.
 
 pub mod oracle;
+pub mod strategies;
+pub mod tolerance;
 pub mod windows;

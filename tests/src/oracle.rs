@@ -33,6 +33,18 @@ pub struct Prior {
     pub delta: Vec<f64>,
 }
 
+impl Prior {
+    /// The prior that an f32 fit was given.
+    pub fn from_f32<const T: usize>(prior: &linpred_core::Prior<T>) -> Self {
+        Self {
+            initial: prior
+                .coefficients
+                .map(|beta| beta.iter().map(|&v| f64::from(v)).collect()),
+            delta: prior.strengths.iter().map(|&v| f64::from(v)).collect(),
+        }
+    }
+}
+
 /// Minimiser of `sum w (beta^T z - y)^2 + sum delta_j (beta_j - initial_j)^2`.
 #[derive(Clone, Debug)]
 pub struct BatchFit {
