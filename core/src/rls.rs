@@ -103,8 +103,9 @@ impl<const T: usize> Rls<T> {
             let gain = next.update_covariance(z, noise);
             next.correct(&gain, z, y);
         }
+        let growth = 1.0 / lambda;
         for d in &mut next.diagonal {
-            *d = bounded(*d / lambda);
+            *d = bounded(*d * growth);
         }
         if !next.is_finite() {
             return Taken::No;
@@ -159,17 +160,17 @@ impl<const T: usize> Rls<T> {
     }
 
     fn is_finite(&self) -> bool {
-        // 0 times a non-finite value is NaN, and stays it through the sum.
-        let mut probe = 0.0;
+        // Without a branch per value: the exponents are compared several at a time.
+        let mut finite = true;
         for row in self.upper.iter().chain(&self.beta) {
             for v in row {
-                probe += v * 0.0;
+                finite &= v.is_finite();
             }
         }
         for d in &self.diagonal {
-            probe += d * 0.0;
+            finite &= d.is_finite();
         }
-        probe == 0.0
+        finite
     }
 
     /// `beta^T z` of each channel, at the largest finite value where it would overflow; 0 if `z` is not finite.
