@@ -2,5 +2,6 @@
 
 pub mod oracle;
 pub mod strategies;
+pub mod tile_checksum;
 pub mod tolerance;
 pub mod windows;

@@ -1,0 +1,76 @@
+//! Calls every function of the core with values that the optimiser knows nothing of. That this links without allocator and
+//! without panic is the test; it is not run.
+
+#![no_std]
+#![no_main]
+
+#[path = "../no_panic.rs"]
+mod no_panic;
+
+use core::hint::black_box;
+
+use cortex_m_rt::entry;
+use linpred_core::{Gram, NormalEquations, Prior, Rls, SymmetricEigen};
+
+fn recursion<const T: usize>() {
+    let mut fit = Rls::<T>::new(&black_box(Prior::at_centre(
+        &black_box([1.0; 3]),
+        black_box(1.0),
+        black_box(1.0),
+    )));
+    let z = black_box([1.0; T]);
+    let _ = black_box(fit.update(&z, &black_box([1.0; 3]), black_box(1.0)));
+    let _ =
+        black_box(fit.update_forgetting(&z, &black_box([1.0; 3]), black_box(1.0), black_box(0.98)));
+    black_box((
+        fit.predict(&z),
+        fit.leverage(&z),
+        fit.covariance(),
+        fit.factors(),
+    ));
+    black_box(fit.coefficients());
+}
+
+fn normal_equations<const T: usize>() {
+    let mut sums = black_box(NormalEquations::<T>::new());
+    let mut gram = black_box(Gram::<T>::new());
+    let z = black_box([1.0; T]);
+    sums.add(&z, &black_box([1.0; 3]), black_box(1.0));
+    gram.add(&z, black_box(1.0));
+    let prior = black_box(Prior {
+        coefficients: [[0.0; T]; 3],
+        strengths: [1.0; T],
+    });
+    if let Ok(solution) = sums.solve(&prior) {
+        black_box((
+            solution.predict(&z),
+            solution.leverage(&z),
+            solution.trace(&gram),
+        ));
+        black_box((
+            solution.terms(),
+            solution.log_determinant(),
+            sums.residual_squares(solution.coefficients()),
+        ));
+    }
+    black_box(sums.gram());
+}
+
+fn decomposition<const D: usize>() {
+    black_box(SymmetricEigen::<D>::new(&black_box([[1.0; D]; D])));
+}
+
+#[entry]
+fn main() -> ! {
+    loop {
+        recursion::<1>();
+        recursion::<5>();
+        recursion::<10>();
+        normal_equations::<1>();
+        normal_equations::<5>();
+        normal_equations::<10>();
+        decomposition::<1>();
+        decomposition::<9>();
+        decomposition::<16>();
+    }
+}
