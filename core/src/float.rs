@@ -19,3 +19,13 @@ pub(crate) fn ln_f64(x: f64) -> f64 {
 pub(crate) fn saturate(x: f64) -> f32 {
     x.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32
 }
+
+/// Natural logarithm, within 1 unit in the last place; minus infinity at 0.
+pub(crate) fn ln(x: f32) -> f32 {
+    libm::logf(x)
+}
+
+/// Exponential, within 1 unit in the last place.
+pub(crate) fn exp(x: f32) -> f32 {
+    libm::expf(x)
+}

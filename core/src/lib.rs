@@ -2,16 +2,34 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod blend;
+mod cell;
 mod dot;
 mod eigen;
+mod feature_space;
+mod fit;
 mod float;
+mod literal;
 mod normal;
 mod params;
+mod prefilter;
+mod prepare;
 mod prior;
 mod rls;
+mod tile;
 
+pub use blend::{Denoised, Predictions, Sum, resolve, resolve_layer};
+pub use cell::{Scratch, denoise_cell};
 pub use eigen::SymmetricEigen;
+pub use feature_space::MAX_TERMS;
 pub use normal::{Gram, NormalEquations, NotFinite, Solution};
+pub use params::Formulas;
 pub use params::{Params, Quality};
+pub use prefilter::{FeatureGroup, FeaturePlane, FilteredGroup, PREFILTER_HALO, prefilter};
+pub use prepare::{
+    BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane, ColourBlock, ColourPlane, PREPARE_HALO, PreparedBlock,
+    prepare,
+};
 pub use prior::{CHANNELS, Prior};
 pub use rls::{Rls, Taken};
+pub use tile::{CELL, HALO, Pixel, PixelState, RADIUS, TILE, TILE_AREA, Tile, WINDOW_AREA};

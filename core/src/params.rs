@@ -1,21 +1,41 @@
 //! What a user may choose.
 
 /// How many models must predict a pixel before no new one is built for it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Quality {
     /// One model: the papers' sparse placement.
     Fast,
     /// Four models.
+    #[default]
     Balanced,
     /// Sixteen models.
     High,
 }
 
-/// Parameters of the method; `Copy`, shared by every tile of an image.
+/// Which formulas fit, choose and blend the models.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Formulas {
+    /// This crate's: weighted fits, a risk that takes the noise off, predictions blended by their local error.
+    #[default]
+    Robust,
+    /// The papers' (LPR Eq. 1 to 7): unweighted fits, the raw validation error, predictions averaged.
+    Literal,
+}
+
+/// Parameters of the method; shared by every tile of an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Params {
-    /// Models that must predict a pixel before no new one is built for it, 1 to 361.
+    /// Models that must predict a pixel before no new one is built for it; 0 counts as 1, more than 361 as 361.
     pub coverage: u16,
+    /// C of the perturbation bound: features' singular values below C times the norm of their noise are dropped (WLR
+    /// section 4). 0 keeps all.
+    pub truncation: f32,
+    /// Strength with which a model's gradients are pulled to 0, in pixels of the window: delta of LPR Eq. 3.
+    pub gradient_strength: f32,
+    /// Strength with which a model's intercept is pulled to the centre's radiance, in pixels of the window.
+    pub intercept_strength: f32,
+    /// Which formulas.
+    pub formulas: Formulas,
 }
 
 impl Params {
@@ -26,6 +46,29 @@ impl Params {
             Quality::Balanced => 4,
             Quality::High => 16,
         };
-        Self { coverage }
+        Self {
+            coverage,
+            truncation: 0.75,
+            gradient_strength: 0.02,
+            intercept_strength: 1e-3,
+            formulas: Formulas::Robust,
+        }
+    }
+
+    /// The papers' formulas to the letter, as a baseline: one model per pixel, delta = 0.001, C = 1.
+    pub const fn literal() -> Self {
+        Self {
+            coverage: 1,
+            truncation: 1.0,
+            gradient_strength: 1e-3,
+            intercept_strength: 1e-3,
+            formulas: Formulas::Literal,
+        }
+    }
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self::new(Quality::default())
     }
 }

@@ -1,12 +1,26 @@
-//! From rows to rows.
+//! From rows to rows, through a moving band.
+//!
+//! ```text
+//! rows of input          19 k - 9 ......................................... 19 (k + 2) + 10      Band
+//!   weights, prefilter     19 (k - 1) .................. 19 (k + 2)                              3 x PreparedRows
+//!     cells of row k         19 k - 9 ......... 19 (k + 1) + 9                                   SumRows
+//!       rows of output         19 k - 9 .. 19 (k + 1) - 9
+//! ```
+//!
+//! Row k of cells needs the rows of cells above and below it prepared, and those need their halo. Once its
+//! predictions are added up, no later cell reaches the rows before `19 (k + 1) - 9`, and they leave.
 
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
-use linpred_core::Params;
+use linpred_core::{CELL, HALO, Params, PixelState, resolve};
 
+use crate::band::Band;
+use crate::blocks::{BLOCK_HALO, PreparedRows};
+use crate::cells::{Neighbourhood, SumRows};
+use crate::dispatch::Level;
 use crate::error::Error;
-use crate::row::{InputRow, OutputRow, RowSink, RowSource};
+use crate::row::{InputRow, OutputRow, RowLayout, RowSink, RowSource};
 
 /// How to run.
 #[derive(Clone, Copy, Debug)]
@@ -38,26 +52,135 @@ pub fn denoise(
     options: &Options,
     progress: &mut dyn FnMut(usize) -> ControlFlow<()>,
 ) -> Result<Report, Error> {
-    let _ = options;
-    let layout = source.layout();
-    let mut input = InputRow::new(&layout);
-    for y in 0..layout.size.height() {
-        source.read_row(y, &mut input)?;
-        let width = layout.size.width();
-        let output = OutputRow {
-            colour: input.colour.clone(),
-            error: vec![0.0; width],
-            radius: vec![0.0; width],
-            rank: vec![0.0; width],
-            layers: input.layers.clone(),
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(options.threads.get())
+        .build();
+    let pool =
+        pool.map_err(|e| Error::Budget(format!("can't start {} threads: {e}", options.threads)))?;
+    let mut frame = Frame::new(source.layout(), options.params);
+    let height = frame.layout.size.height();
+    for row in 0..height.div_ceil(CELL) {
+        frame.read(source, (row + 2) * CELL + BLOCK_HALO)?;
+        pool.install(|| frame.compute(row));
+        let done = if (row + 1) * CELL >= height {
+            height
+        } else {
+            (row + 1) * CELL - HALO
         };
-        sink.write_row(y, &output)?;
-        if progress(y + 1).is_break() {
-            return Err(Error::Cancelled);
+        frame.write(sink, row, done, progress)?;
+        frame.advance(row);
+    }
+    Ok(frame.report)
+}
+
+/// What is in memory of an image.
+struct Frame {
+    layout: RowLayout,
+    params: Params,
+    level: Level,
+    band: Band,
+    /// Prepared rows of the cells above, at and below the current row.
+    prepared: [PreparedRows; 3],
+    sums: SumRows,
+    input: InputRow,
+    output: OutputRow,
+    written: usize,
+    report: Report,
+}
+
+impl Frame {
+    fn new(layout: RowLayout, params: Params) -> Self {
+        Self {
+            layout,
+            params,
+            level: Level::detect(),
+            band: Band::new(layout),
+            prepared: std::array::from_fn(|_| PreparedRows::new(layout.size)),
+            sums: SumRows::new(layout.size),
+            input: InputRow::new(&layout),
+            output: OutputRow::new(&layout),
+            written: 0,
+            report: Report {
+                pixels: layout.size.pixels(),
+                ..Report::default()
+            },
         }
     }
-    Ok(Report {
-        pixels: layout.size.pixels(),
-        ..Report::default()
-    })
+
+    /// Reads up to row `end` or the last.
+    fn read(&mut self, source: &mut dyn RowSource, end: usize) -> Result<(), Error> {
+        while self.band.next() < end.min(self.layout.size.height()) {
+            source.read_row(self.band.next(), &mut self.input)?;
+            self.band.push(&self.input);
+        }
+        Ok(())
+    }
+
+    /// Prepares what row `row` of cells lacks, and predicts it.
+    fn compute(&mut self, row: usize) {
+        let first = if row == 0 { 0 } else { row + 1 };
+        for prepared in first..=row + 1 {
+            if prepared * CELL < self.layout.size.height() {
+                let rows = &mut self.prepared[prepared + 1 - row];
+                rows.fill(&self.band, self.layout.size, prepared * CELL, self.level);
+            }
+        }
+        let [above, own, below] = &self.prepared;
+        let around = Neighbourhood {
+            size: self.layout.size,
+            band: &self.band,
+            prepared: [above, own, below],
+            row,
+        };
+        self.report.models += self.sums.predict(&around, &self.params, self.level);
+    }
+
+    /// Writes the rows before `end`.
+    fn write(
+        &mut self,
+        sink: &mut dyn RowSink,
+        row: usize,
+        end: usize,
+        progress: &mut dyn FnMut(usize) -> ControlFlow<()>,
+    ) -> Result<(), Error> {
+        while self.written < end {
+            self.resolve_row(row, self.written);
+            sink.write_row(self.written, &self.output)?;
+            self.written += 1;
+            if progress(self.written).is_break() {
+                return Err(Error::Cancelled);
+            }
+        }
+        Ok(())
+    }
+
+    fn resolve_row(&mut self, row: usize, y: usize) {
+        let [above, own, below] = &self.prepared;
+        let around = Neighbourhood {
+            size: self.layout.size,
+            band: &self.band,
+            prepared: [above, own, below],
+            row,
+        };
+        for (x, sum) in self.sums.row(y).iter().enumerate() {
+            let pixel = around.pixel(x, y);
+            self.report.passed_through += u64::from(pixel.state == PixelState::Clean);
+            self.report.repaired += u64::from(pixel.state == PixelState::Bad);
+            let denoised = resolve(&pixel, sum, self.params.formulas);
+            for (plane, value) in self.output.colour.iter_mut().zip(denoised.colour) {
+                plane[x] = value;
+            }
+            self.output.error[x] = denoised.error;
+            self.output.radius[x] = denoised.radius;
+            self.output.rank[x] = denoised.rank;
+        }
+    }
+
+    /// Moves on to the next row of cells.
+    fn advance(&mut self, row: usize) {
+        self.sums.advance();
+        self.prepared.rotate_left(1);
+        self.band
+            .drop_before(((row + 1) * CELL).saturating_sub(BLOCK_HALO));
+    }
 }

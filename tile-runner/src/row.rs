@@ -83,6 +83,22 @@ pub struct OutputRow {
     pub layers: Vec<[Vec<f32>; 3]>,
 }
 
+impl OutputRow {
+    /// A row of zeros that fits `layout`.
+    pub fn new(layout: &RowLayout) -> Self {
+        let plane = || vec![0.0; layout.size.width()];
+        Self {
+            colour: std::array::from_fn(|_| plane()),
+            error: plane(),
+            radius: plane(),
+            rank: plane(),
+            layers: (0..layout.layers)
+                .map(|_| std::array::from_fn(|_| plane()))
+                .collect(),
+        }
+    }
+}
+
 /// Delivers the rows of an image.
 pub trait RowSource: Send {
     /// What the rows hold.

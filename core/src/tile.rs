@@ -1,0 +1,119 @@
+//! The unit of work: a cell with its halo.
+
+/// Side of a cell in pixels: the windows' granularity (LPR section 5.1).
+pub const CELL: usize = 19;
+/// Largest half-width of a window and of a prediction window, R in the papers.
+pub const RADIUS: usize = 9;
+/// Pixels around a cell that its windows read and predict.
+pub const HALO: usize = RADIUS;
+/// Side of a tile: a cell with its halo.
+pub const TILE: usize = CELL + 2 * HALO;
+/// Pixels of a tile.
+pub const TILE_AREA: usize = TILE * TILE;
+/// Pixels of the largest window.
+pub const WINDOW_AREA: usize = (2 * RADIUS + 1) * (2 * RADIUS + 1);
+
+/// What a pixel asks of the cell that holds it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PixelState {
+    /// It lies outside the image: nothing reads or predicts it.
+    #[default]
+    Outside,
+    /// Its variance and its neighbours' are 0: it is right already and passes through.
+    Clean,
+    /// It is to be predicted, and serves to fit.
+    Noisy,
+    /// Its colour is not finite: it is predicted from its neighbours' models, and never enters a fit.
+    Bad,
+}
+
+/// One pixel of a tile with `D` features, of which the first two are the position.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pixel<const D: usize> {
+    /// Features after the prefilter, in any unit; finite.
+    pub features: [f32; D],
+    /// Variance that the features have kept, in the square of their units; 0 for the position.
+    pub feature_variance: [f32; D],
+    /// Radiance, red green blue; finite, 0 where the pixel is bad.
+    pub colour: [f32; 3],
+    /// Weight of the pixel's squared residual in a fit, 1 / radiance^2; 0 keeps it out.
+    pub weight: f32,
+    /// Variance of the mean radiance, summed over the channels and averaged over the neighbourhood.
+    pub variance: f32,
+    /// Squared distance, summed over the channels, within which a prediction agrees with the pixel.
+    pub tolerance: f32,
+    /// What the pixel asks for.
+    pub state: PixelState,
+}
+
+impl<const D: usize> Pixel<D> {
+    /// A pixel outside the image.
+    pub const OUTSIDE: Self = Self {
+        features: [0.0; D],
+        feature_variance: [0.0; D],
+        colour: [0.0; 3],
+        weight: 0.0,
+        variance: 0.0,
+        tolerance: 0.0,
+        state: PixelState::Outside,
+    };
+}
+
+/// A cell with its halo, row after row: `pixels[y * TILE + x]`, the cell from (HALO, HALO) on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tile<const D: usize> {
+    /// The pixels.
+    pub pixels: [Pixel<D>; TILE_AREA],
+}
+
+impl<const D: usize> Tile<D> {
+    /// A tile that lies outside the image.
+    pub const EMPTY: Self = Self {
+        pixels: [Pixel::OUTSIDE; TILE_AREA],
+    };
+
+    /// The pixel at (x, y) of the tile, or one outside the image.
+    #[inline(always)]
+    pub fn pixel(&self, x: usize, y: usize) -> &Pixel<D> {
+        self.pixels.get(y * TILE + x).unwrap_or(&Pixel::OUTSIDE)
+    }
+}
+
+/// Offsets (x, y) from a window's centre, ring after ring: ring r is the entries from (2r-1)^2 to (2r+1)^2.
+pub(crate) const RINGS: [(i8, i8); WINDOW_AREA] = rings();
+
+/// Pixels of the window of half-width `radius`.
+#[inline(always)]
+pub(crate) const fn window_pixels(radius: usize) -> usize {
+    (2 * radius + 1) * (2 * radius + 1)
+}
+
+const fn rings() -> [(i8, i8); WINDOW_AREA] {
+    let mut offsets = [(0i8, 0i8); WINDOW_AREA];
+    let mut next = 1;
+    let mut r = 1i8;
+    while r <= RADIUS as i8 {
+        let mut y = -r;
+        while y <= r {
+            let step = if y == -r || y == r { 1 } else { 2 * r };
+            let mut x = -r;
+            while x <= r {
+                offsets[next] = (x, y);
+                next += 1;
+                x += step;
+            }
+            y += 1;
+        }
+        r += 1;
+    }
+    offsets
+}
+
+/// Position in a tile from a centre and an offset that stay inside it.
+#[inline(always)]
+pub(crate) fn offset(x: usize, y: usize, by: (i8, i8)) -> (usize, usize) {
+    (
+        x.wrapping_add_signed(isize::from(by.0)),
+        y.wrapping_add_signed(isize::from(by.1)),
+    )
+}
