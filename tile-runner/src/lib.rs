@@ -1,6 +1,21 @@
 //! Streams images through `linpred-core`.
 
+pub mod compare;
 pub mod error;
+pub mod exr_file;
 pub mod geometry;
+pub mod heatmap;
+pub mod inspect;
+pub mod job;
+pub mod layers;
+pub mod memory;
+pub mod names;
 pub mod pipeline;
+pub mod presets;
+pub mod rewrite;
+pub mod roles;
 pub mod row;
+pub mod samples;
+pub mod sink;
+pub mod source;
+pub mod variance;

@@ -1,0 +1,138 @@
+//! `linpred denoise`.
+
+use std::io::Write;
+use std::num::NonZeroUsize;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use linpred::error::Error;
+use linpred::job::{self, Input, InputRequest, JobOptions, Summary};
+use linpred::memory::DEFAULT_LIMIT;
+use linpred::pipeline::Options;
+use linpred::presets::Preset;
+use linpred::rewrite::ExtraLayers;
+use linpred::roles::RoleRequest;
+use linpred_core::{Params, Quality};
+
+use super::args::{DenoiseArguments, InputArguments, LogArguments, LogFormat, QualityName};
+use super::progress::Progress;
+use super::stop;
+
+/// Denoises one image.
+pub(crate) fn run(arguments: DenoiseArguments, log: &LogArguments) -> Result<ExitCode, Error> {
+    let options = options(&arguments);
+    let request = request(arguments.input);
+    let started = Instant::now();
+    let input = Input::open(&request)?;
+    if arguments.dry_run {
+        return dry_run(&input, &options);
+    }
+    announce(&input, &options)?;
+    let stop = stop::on_signals();
+    let mut progress = Progress::new(
+        arguments.progress,
+        input.height(),
+        request.path.display().to_string(),
+    );
+    let result = job::denoise(&input, &arguments.output, &options, &stop, &mut |rows| {
+        progress.set(rows)
+    });
+    progress.end();
+    report(&result?, started, log.log_format, &arguments.output);
+    Ok(ExitCode::SUCCESS)
+}
+
+fn options(arguments: &DenoiseArguments) -> JobOptions {
+    let mut params = Params::new(match arguments.quality {
+        QualityName::Fast => Quality::Fast,
+        QualityName::Balanced => Quality::Balanced,
+        QualityName::High => Quality::High,
+    });
+    if let Some(coverage) = arguments.coverage {
+        params.coverage = coverage;
+    }
+    let all = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
+    JobOptions {
+        pipeline: Options {
+            params,
+            threads: arguments.threads.unwrap_or_else(all),
+        },
+        extra: ExtraLayers {
+            error: arguments.error_layer,
+            models: arguments.models_layer,
+        },
+        memory_limit: arguments.max_memory.unwrap_or(DEFAULT_LIMIT),
+    }
+}
+
+/// What the input arguments ask for.
+pub(crate) fn request(arguments: InputArguments) -> InputRequest {
+    InputRequest {
+        path: arguments.noisy,
+        other_half: arguments.other_half,
+        roles: RoleRequest {
+            preset: Preset::named(&arguments.preset),
+            map: arguments.map,
+            spp: arguments.spp.map(|spp| spp.get()),
+            other_half: None,
+        },
+        layers: arguments.layers,
+    }
+}
+
+/// Says what a user should know before the job begins.
+fn announce(input: &Input, options: &JobOptions) -> Result<(), Error> {
+    for assignment in &input.roles.assignments {
+        tracing::debug!("{}: {}", assignment.role.name(), assignment.rule);
+    }
+    for note in &input.roles.notes {
+        tracing::info!("{note}");
+    }
+    for note in input.rewrite(options.extra)?.notes {
+        tracing::warn!("{note}");
+    }
+    Ok(())
+}
+
+fn dry_run(input: &Input, options: &JobOptions) -> Result<ExitCode, Error> {
+    let plan = job::memory_plan(input, &input.rewrite(options.extra)?, options)?;
+    let inspection = linpred::inspect::describe(input);
+    // nobody is left to be told when standard output is closed
+    let _ = write!(std::io::stdout(), "{inspection}memory:\n{plan}\n");
+    plan.check(options.memory_limit)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn report(summary: &Summary, started: Instant, format: LogFormat, output: &std::path::Path) {
+    let seconds = started.elapsed().as_secs_f64();
+    let done = &summary.report;
+    if summary.clamped > 0 {
+        tracing::warn!(
+            "{} samples are too large for half precision and were set to 65504; a float channel would hold them",
+            summary.clamped
+        );
+    }
+    match format {
+        LogFormat::Json => tracing::info!(
+            output = %output.display(),
+            pixels = done.pixels,
+            models = done.models,
+            passed_through = done.passed_through,
+            repaired = done.repaired,
+            clamped = summary.clamped,
+            seconds,
+            "denoised"
+        ),
+        LogFormat::Text => {
+            let share = |count: u64| 100.0 * count as f64 / done.pixels as f64;
+            tracing::info!(
+                "{}: {} pixels, models for {:.1} %, {:.1} % passed through, {} repaired, {seconds:.2} s",
+                output.display(),
+                done.pixels,
+                share(done.models),
+                share(done.passed_through),
+                done.repaired
+            );
+        }
+    }
+}

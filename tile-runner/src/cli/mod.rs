@@ -1,0 +1,10 @@
+//! Arguments in, exit code out.
+
+pub(crate) mod args;
+pub(crate) mod compare;
+pub(crate) mod denoise;
+pub(crate) mod exit;
+pub(crate) mod inspect;
+pub(crate) mod log;
+pub(crate) mod progress;
+pub(crate) mod stop;
