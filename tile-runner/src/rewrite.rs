@@ -109,18 +109,8 @@ impl Rewrite {
         let place = format!("{}: {}", input.path().display(), part.label());
         let mut header = part.header.clone();
         let mut attributes = part.attributes.clone();
-        if header.compression.may_loose_data() {
-            let compression = header.compression;
-            self.notes.push(format!("{place}: was stored with {compression}, which loses data: its noise is not what was rendered"));
-        }
         let fills = add_channels(&mut header, &mut attributes, fills, extra);
-        if (extra.error || extra.models) && header.compression.may_loose_data() {
-            self.notes.push(format!(
-                "{place}: written with zip compression, so that the added layers lose nothing"
-            ));
-            header.compression = Compression::ZIP16;
-            attributes.set("compression", "compression", vec![3]);
-        }
+        self.choose_compression(&place, &mut header, &mut attributes, &fills);
         if header.line_order == LineOrder::Decreasing {
             self.notes.push(format!(
                 "{place}: rows were stored from bottom to top, and are written from top to bottom"
@@ -128,25 +118,12 @@ impl Rewrite {
             header.line_order = LineOrder::Increasing;
             attributes.set("lineOrder", "lineOrder", vec![0]);
         }
-        if let BlockDescription::Tiles(tiles) = &mut header.blocks {
-            if tiles.level_mode != LevelMode::Singular {
-                self.notes.push(format!("{place}: smaller levels (mip or rip maps) are left out: they show the noisy image"));
-                tiles.level_mode = LevelMode::Singular;
-                attributes.set(
-                    "tiles",
-                    "tiledesc",
-                    encode_tiles(tiles.tile_size.0, tiles.tile_size.1),
-                );
-            }
-        }
+        self.drop_levels(&place, &mut header, &mut attributes);
         header.chunk_count =
             compute_chunk_count(header.compression, header.layer_size, header.blocks);
         if attributes.int("chunkCount").is_some() {
-            attributes.set(
-                "chunkCount",
-                "int",
-                (header.chunk_count as i32).to_le_bytes().to_vec(),
-            );
+            let count = (header.chunk_count as i32).to_le_bytes().to_vec();
+            attributes.set("chunkCount", "int", count);
         }
         if header
             .channels
@@ -156,16 +133,14 @@ impl Rewrite {
         {
             self.version |= FLAG_LONG_NAMES;
         }
-        let grid = BlockGrid::new(
-            header.data_window(),
-            header.blocks,
-            header.compression.scan_lines_per_block(),
-        );
+        let lines = header.compression.scan_lines_per_block();
+        let grid = BlockGrid::new(header.data_window(), header.blocks, lines);
+        let chunks = header.chunk_count;
         self.parts.push(PartPlan {
             attributes,
             shape: part.shape,
             grid,
-            chunks: header.chunk_count,
+            chunks,
         });
         self.rewritten.push(RewrittenPart {
             index: part.index,
@@ -174,6 +149,77 @@ impl Rewrite {
             fills,
         });
     }
+
+    /// A lossy compression stays where it only meets what was denoised. It may not touch the added layers, nor, a second
+    /// time, channels that are to be kept.
+    fn choose_compression(
+        &mut self,
+        place: &str,
+        header: &mut Header,
+        attributes: &mut Attributes,
+        fills: &[Fill],
+    ) {
+        if !header.compression.may_loose_data() {
+            return;
+        }
+        self.notes.push(format!(
+            "{place}: was stored with {}, which loses data: its noise is not what was rendered",
+            header.compression
+        ));
+        let added = fills
+            .iter()
+            .any(|fill| matches!(fill, Fill::Error | Fill::Radius | Fill::Rank));
+        let dwa = matches!(
+            header.compression,
+            Compression::DWAA(_) | Compression::DWAB(_)
+        );
+        let channels = header.channels.list.iter().zip(fills);
+        let altered = channels.filter(|(channel, fill)| {
+            dwa && matches!(fill, Fill::Input(_)) && dwa_is_lossy_for(&channel.name.to_string())
+        });
+        let altered: Vec<String> = altered
+            .map(|(channel, _)| channel.name.to_string())
+            .collect();
+        let reason = match (added, altered.is_empty()) {
+            (true, _) => "so that the added layers lose nothing".to_owned(),
+            (false, false) => format!("so that what is kept loses no more: {}", altered.join(" ")),
+            (false, true) => return,
+        };
+        self.notes
+            .push(format!("{place}: written with zip compression, {reason}"));
+        header.compression = Compression::ZIP16;
+        attributes.set("compression", "compression", vec![ZIP16_CODE]);
+    }
+
+    fn drop_levels(&mut self, place: &str, header: &mut Header, attributes: &mut Attributes) {
+        if let BlockDescription::Tiles(tiles) = &mut header.blocks
+            && tiles.level_mode != LevelMode::Singular
+        {
+            self.notes.push(format!(
+                "{place}: smaller levels (mip or rip maps) are left out: they show the noisy image"
+            ));
+            tiles.level_mode = LevelMode::Singular;
+            let size = tiles.tile_size;
+            attributes.set("tiles", "tiledesc", encode_tiles(size.0, size.1));
+        }
+    }
+}
+
+/// The value of the `compression` attribute for zip with 16 rows per block.
+const ZIP16_CODE: u8 = 3;
+
+/// Whether DWA puts a channel of this name through its cosine transform; it recognises colours by their last component
+/// (OpenEXR's `sDefaultChannelRules`), and stores the rest without loss. B44 and PXR24 lose nothing the second time.
+fn dwa_is_lossy_for(channel: &str) -> bool {
+    let component = channel
+        .rsplit('.')
+        .next()
+        .unwrap_or(channel)
+        .to_ascii_lowercase();
+    matches!(
+        component.as_str(),
+        "r" | "g" | "b" | "y" | "ry" | "by" | "red" | "grn" | "green" | "blu" | "blue"
+    )
 }
 
 fn copied(part: &Part) -> PartPlan {

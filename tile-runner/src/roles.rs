@@ -376,6 +376,14 @@ impl<'a> Search<'a> {
             rule,
         };
         let file = &self.names.files()[0];
+        if let Some((part, refusal)) = file
+            .parts()
+            .iter()
+            .find_map(|part| Some((part, part.refusal.as_ref()?)))
+        {
+            let (path, label) = (file.path().display(), part.label());
+            return Err(Error::Unsupported(format!("{path}: {label}: {refusal}")));
+        }
         if self.names.channel(0, "RY").is_some() || self.names.channel(0, "BY").is_some() {
             return Err(Error::Unsupported(format!(
                 "{}: luminance with colour differences (channels Y, RY, BY) is not supported",
@@ -527,9 +535,10 @@ impl<'a> Search<'a> {
         let count = samples.map(|s| s.count);
         if given.meaning.needs_count() && count.is_none() {
             return Err(Error::Invalid(format!(
-                "{}: {}; the file does not say how many samples per pixel: add --spp N, or --map variance=none to estimate the variance from the picture",
+                "{}: holds the {}, and the file does not state the samples per pixel: add --spp N, \
+                 or --map variance=none to estimate the variance from the picture",
                 self.names.place(channels[0]),
-                given.meaning
+                given.meaning.stored()
             )));
         }
         Ok(Variance::Given {
@@ -574,7 +583,9 @@ impl<'a> Search<'a> {
         match moments.iter().chain(means).find(|at| self.is_half(**at)) {
             None => Ok(()),
             Some(at) => Err(Error::Invalid(format!(
-                "{} is half precision: the second moment less the squared mean keeps no digit of the variance; render it as float, or add --map variance=none to estimate the variance from the picture",
+                "{} is half precision: the second moment less the squared mean keeps no digit of \
+                 the variance; render it as float, or add --map variance=none to estimate the \
+                 variance from the picture",
                 self.names.place(*at)
             ))),
         }

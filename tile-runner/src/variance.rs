@@ -20,14 +20,23 @@ impl Meaning {
     pub const fn needs_count(self) -> bool {
         !matches!(self, Self::OfMean)
     }
+
+    /// What is stored, in words.
+    pub const fn stored(self) -> &'static str {
+        match self {
+            Self::OfMean => "variance of the mean",
+            Self::OfSample => "variance of one sample",
+            Self::SecondMoment => "second moment",
+        }
+    }
 }
 
 impl fmt::Display for Meaning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::OfMean => "variance of the mean",
-            Self::OfSample => "variance of one sample, divided by the samples",
-            Self::SecondMoment => "second moment, less the squared mean, over the samples",
+            Self::OfSample => "variance of one sample, divided by the number of samples",
+            Self::SecondMoment => "second moment, less the squared mean, by the number of samples",
         })
     }
 }

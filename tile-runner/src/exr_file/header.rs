@@ -88,7 +88,9 @@ impl Part {
 
     /// Bytes of the largest decoded block; saturates at `u64::MAX`.
     pub fn block_bytes(&self) -> u64 {
-        self.block_row_bytes().div_ceil(self.grid.columns() as u64)
+        let largest = self.grid.bounds(0, 0).size;
+        let pixels = (largest.0 as u64).saturating_mul(largest.1 as u64);
+        pixels.saturating_mul(self.header.channels.bytes_per_pixel as u64)
     }
 
     /// Position of the channel of this exact name.
@@ -152,6 +154,7 @@ fn damaged(error: exr::error::Error) -> Error {
         exr::error::Error::NotSupported(reason) => {
             Error::Unsupported(format!("not supported: {reason}"))
         }
+        exr::error::Error::Invalid(reason) => Error::Invalid(format!("damaged header: {reason}")),
         other => Error::Invalid(format!("damaged header: {other}")),
     }
 }

@@ -99,7 +99,10 @@ impl ExrFile {
         let compression = described.header.compression;
         compression
             .decompress_image_section_from_le(&described.header, compressed, bounds, false)
-            .map_err(|error| self.block_error(part, index, &error.to_string()))
+            .map_err(|error| match error {
+                exr::error::Error::Invalid(reason) => self.block_error(part, index, &reason),
+                other => self.block_error(part, index, &other.to_string()),
+            })
     }
 
     /// The blocks of a part as the file stores them, from its beginning to its end.
