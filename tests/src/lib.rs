@@ -1,1 +1,4 @@
 //! Oracles, strategies and tolerances for the tests of linpred.
+
+pub mod command;
+pub mod images;
