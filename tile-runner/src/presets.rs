@@ -171,6 +171,10 @@ pub const PRESET_NAMES: [&str; 8] = [
     "tungsten",
 ];
 
+/// What Mitsuba's `moment` integrator puts before the name of a layer of second moments. Such a layer is never a mean,
+/// although its name ends like that of one.
+pub(crate) const MOMENT: &str = "m2_";
+
 use Pattern::{Layer, Names, Prefixed, PrefixedImage};
 
 const fn rule(role: Role, patterns: &'static [Pattern]) -> Rule {
@@ -233,22 +237,22 @@ const PRESETS: &[Preset] = &[
             variance(
                 Role::Variance,
                 Meaning::SecondMoment,
-                &[Prefixed("m2_"), PrefixedImage("m2_")],
+                &[Prefixed(MOMENT), PrefixedImage(MOMENT)],
             ),
             variance(
                 Role::AlbedoVariance,
                 Meaning::SecondMoment,
-                &[Prefixed("m2_")],
+                &[Prefixed(MOMENT)],
             ),
             variance(
                 Role::NormalVariance,
                 Meaning::SecondMoment,
-                &[Prefixed("m2_")],
+                &[Prefixed(MOMENT)],
             ),
             variance(
                 Role::DepthVariance,
                 Meaning::SecondMoment,
-                &[Prefixed("m2_")],
+                &[Prefixed(MOMENT)],
             ),
         ],
     },
