@@ -16,6 +16,7 @@ pub mod rewrite;
 pub mod roles;
 pub mod row;
 pub mod samples;
+pub mod sequence;
 pub mod sink;
 pub mod source;
 pub mod variance;

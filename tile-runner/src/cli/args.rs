@@ -7,6 +7,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use linpred::memory::parse_size;
 use linpred::presets::PRESET_NAMES;
 use linpred::roles::Mapping;
+use linpred::sequence::parse_frames;
 
 /// Denoises Monte Carlo renders by linear predictions from their feature layers.
 #[derive(Debug, Parser)]
@@ -57,7 +58,8 @@ Examples:
   linpred denoise noisy.exr -o clean.exr --quality high --error-layer
   linpred denoise moments.exr -o clean.exr --preset mitsuba --spp 64
   linpred denoise odd.exr -o clean.exr --map colour=main --map albedo=kd --map variance=none
-  linpred denoise first_half.exr --other-half second_half.exr -o clean.exr")]
+  linpred denoise first_half.exr --other-half second_half.exr -o clean.exr
+  linpred denoise 'shot.####.exr' -o 'clean.####.exr' --frames 1-100x2 --skip-existing")]
 pub(crate) struct DenoiseArguments {
     #[command(flatten)]
     pub(crate) input: InputArguments,
@@ -82,6 +84,13 @@ pub(crate) struct DenoiseArguments {
     /// Memory that may be used, such as 256M; a job that needs more is refused before it begins [default: 2G]
     #[arg(long, value_name = "SIZE", value_parser = parse_size)]
     pub(crate) max_memory: Option<u64>,
+    /// Frames of a sequence, such as 1-100x2,205; the file names hold ####, %04d or $F4 for the number [default: those that
+    /// exist]
+    #[arg(long, value_name = "FRAMES", value_parser = parse_frames)]
+    pub(crate) frames: Option<std::vec::Vec<u32>>,
+    /// Leave frames alone whose output exists
+    #[arg(long)]
+    pub(crate) skip_existing: bool,
     /// Print the plan (roles, memory) and do nothing
     #[arg(long)]
     pub(crate) dry_run: bool,

@@ -2,7 +2,10 @@
 
 use std::io::Write;
 use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use linpred::error::Error;
@@ -14,32 +17,85 @@ use linpred::rewrite::ExtraLayers;
 use linpred::roles::RoleRequest;
 use linpred_core::{Params, Quality};
 
-use super::args::{DenoiseArguments, InputArguments, LogArguments, LogFormat, QualityName};
+use super::args::{
+    DenoiseArguments, InputArguments, LogArguments, LogFormat, ProgressStyle, QualityName,
+};
+use super::exit;
+use super::frames;
 use super::progress::Progress;
 use super::stop;
 
-/// Denoises one image.
+/// Denoises one image, or the frames of a sequence.
 pub(crate) fn run(arguments: DenoiseArguments, log: &LogArguments) -> Result<ExitCode, Error> {
-    let options = options(&arguments);
+    let run = Run {
+        options: options(&arguments),
+        skip_existing: arguments.skip_existing,
+        dry_run: arguments.dry_run,
+        progress: arguments.progress,
+        log_format: log.log_format,
+        stop: stop::on_signals(),
+    };
     let request = request(arguments.input);
-    let started = Instant::now();
-    let input = Input::open(&request)?;
-    if arguments.dry_run {
-        return dry_run(&input, &options);
+    match frames::find(&request, &arguments.output, arguments.frames)? {
+        None => run
+            .image(&request, &arguments.output)
+            .map(|()| ExitCode::SUCCESS),
+        Some(frames) => run.sequence(&frames),
     }
-    announce(&input, &options)?;
-    let stop = stop::on_signals();
-    let mut progress = Progress::new(
-        arguments.progress,
-        input.height(),
-        request.path.display().to_string(),
-    );
-    let result = job::denoise(&input, &arguments.output, &options, &stop, &mut |rows| {
-        progress.set(rows)
-    });
-    progress.end();
-    report(&result?, started, log.log_format, &arguments.output);
-    Ok(ExitCode::SUCCESS)
+}
+
+/// What is the same for every frame.
+struct Run {
+    options: JobOptions,
+    skip_existing: bool,
+    dry_run: bool,
+    progress: ProgressStyle,
+    log_format: LogFormat,
+    stop: Arc<AtomicBool>,
+}
+
+impl Run {
+    fn image(&self, request: &InputRequest, output: &Path) -> Result<(), Error> {
+        if self.skip_existing && output.exists() {
+            tracing::info!("{} exists, skipped", output.display());
+            return Ok(());
+        }
+        let started = Instant::now();
+        let input = Input::open(request)?;
+        if self.dry_run {
+            return dry_run(&input, &self.options);
+        }
+        announce(&input, &self.options)?;
+        let label = request.path.display().to_string();
+        let mut progress = Progress::new(self.progress, input.height(), label);
+        let mut told = |rows| progress.set(rows);
+        let result = job::denoise(&input, output, &self.options, &self.stop, &mut told);
+        progress.end();
+        report(&result?, started, self.log_format, output);
+        Ok(())
+    }
+
+    /// A frame that fails does not stop the others; the first failure's exit code is the sequence's.
+    fn sequence(&self, frames: &[(InputRequest, PathBuf)]) -> Result<ExitCode, Error> {
+        let mut failures = Vec::new();
+        for (request, output) in frames {
+            match self.image(request, output) {
+                Ok(()) => {}
+                Err(error @ Error::Cancelled) => return Err(error),
+                Err(error) => {
+                    tracing::error!("{error}");
+                    failures.push(exit::code(&error));
+                }
+            }
+        }
+        match failures.first() {
+            None => Ok(ExitCode::SUCCESS),
+            Some(&code) => {
+                tracing::error!("{} of {} frames failed", failures.len(), frames.len());
+                Ok(ExitCode::from(code))
+            }
+        }
+    }
 }
 
 fn options(arguments: &DenoiseArguments) -> JobOptions {
@@ -94,16 +150,15 @@ fn announce(input: &Input, options: &JobOptions) -> Result<(), Error> {
     Ok(())
 }
 
-fn dry_run(input: &Input, options: &JobOptions) -> Result<ExitCode, Error> {
+fn dry_run(input: &Input, options: &JobOptions) -> Result<(), Error> {
     let plan = job::memory_plan(input, &input.rewrite(options.extra)?, options)?;
     let inspection = linpred::inspect::describe(input);
     // nobody is left to be told when standard output is closed
     let _ = write!(std::io::stdout(), "{inspection}memory:\n{plan}\n");
-    plan.check(options.memory_limit)?;
-    Ok(ExitCode::SUCCESS)
+    plan.check(options.memory_limit)
 }
 
-fn report(summary: &Summary, started: Instant, format: LogFormat, output: &std::path::Path) {
+fn report(summary: &Summary, started: Instant, format: LogFormat, output: &Path) {
     let seconds = started.elapsed().as_secs_f64();
     let done = &summary.report;
     if summary.clamped > 0 {

@@ -4,6 +4,7 @@ pub(crate) mod args;
 pub(crate) mod compare;
 pub(crate) mod denoise;
 pub(crate) mod exit;
+pub(crate) mod frames;
 pub(crate) mod inspect;
 pub(crate) mod log;
 pub(crate) mod progress;
