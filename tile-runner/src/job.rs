@@ -113,6 +113,8 @@ pub struct Summary {
     pub report: Report,
     /// Samples that half precision cannot hold, clamped to its largest value.
     pub clamped: u64,
+    /// Pixels whose extra layers do not sum to the colour in the input (so they cannot in the output).
+    pub layers_off: u64,
 }
 
 /// What denoising `input` will hold in memory: file blocks, and the pipeline's bands of rows.
@@ -257,7 +259,11 @@ pub fn denoise(
     };
     let report = pipeline::denoise(&mut source, &mut sink, &options.pipeline, &mut told)?;
     let clamped = sink.finish()?;
-    Ok(Summary { report, clamped })
+    Ok(Summary {
+        report,
+        clamped,
+        layers_off: source.layers_off(),
+    })
 }
 
 #[cfg(test)]

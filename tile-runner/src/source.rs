@@ -29,6 +29,7 @@ pub struct ExrSource {
     albedo: Option<([ChannelRef; 3], Variance<3>)>,
     depth: Option<([ChannelRef; 1], Variance<1>)>,
     layers: Vec<([ChannelRef; 3], Variance<3>)>,
+    layers_off: u64,
 }
 
 impl ExrSource {
@@ -71,11 +72,17 @@ impl ExrSource {
             albedo: roles.albedo,
             depth: roles.depth,
             layers,
+            layers_off: 0,
         };
         for at in source.channels() {
             source.planes.open(files, at, limit)?;
         }
         Ok(source)
+    }
+
+    /// Pixels read so far whose layers do not sum to the colour, to the precision of half floats. 0 without layers.
+    pub fn layers_off(&self) -> u64 {
+        self.layers_off
     }
 
     /// Every channel that is read.
@@ -124,8 +131,27 @@ impl RowSource for ExrSource {
         for (layer, out) in self.layers.iter().zip(&mut row.layers) {
             planes.read(layer, y, out, None)?;
         }
+        if !self.layers.is_empty() {
+            self.layers_off += count_off(row);
+        }
         Ok(())
     }
+}
+
+/// Half floats have 11 bits: each of a few layers and the colour may be rounded by 2^-12 of itself.
+const SUM_TOLERANCE: f32 = 1.0 / 1024.0;
+
+/// Pixels of a row whose layers do not sum to the colour. Values that are not finite are not counted.
+fn count_off(row: &InputRow) -> u64 {
+    let off = |x: usize| {
+        (0..3).any(|k| {
+            let sum: f32 = row.layers.iter().map(|layer| layer[k][x]).sum();
+            let size: f32 = row.layers.iter().map(|layer| layer[k][x].abs()).sum();
+            let colour = row.colour[k][x];
+            (sum - colour).abs() > SUM_TOLERANCE * size.max(colour.abs())
+        })
+    };
+    (0..row.colour[0].len()).filter(|&x| off(x)).count() as u64
 }
 
 fn layout(roles: &Roles, size: ImageSize, layers: usize) -> RowLayout {

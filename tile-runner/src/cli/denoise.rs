@@ -167,6 +167,13 @@ fn report(summary: &Summary, started: Instant, format: LogFormat, output: &Path)
             summary.clamped
         );
     }
+    if summary.layers_off > 0 {
+        tracing::warn!(
+            "the layers do not sum to the colour at {} of {} pixels, in the input already",
+            summary.layers_off,
+            done.pixels
+        );
+    }
     match format {
         LogFormat::Json => tracing::info!(
             output = %output.display(),
