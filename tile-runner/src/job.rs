@@ -6,14 +6,17 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use crate::band::{Band, BandSink, BandSource};
 use crate::error::Error;
 use crate::exr_file::ExrFile;
 use crate::layers::{self, Layer};
 use crate::memory::MemoryPlan;
 use crate::names::ChannelNames;
+use crate::overlap::{ROWS_IN_FLIGHT, ReadAhead, WriteBehind};
 use crate::pipeline::{self, Options, Report};
 use crate::rewrite::{ExtraLayers, Rewrite};
 use crate::roles::{RoleRequest, Roles, resolve};
+use crate::row::{FEATURES, RowSink, RowSource};
 use crate::sink::ExrSink;
 use crate::source::ExrSource;
 
@@ -78,6 +81,15 @@ impl Input {
             .1
     }
 
+    /// Columns of the image.
+    pub fn width(&self) -> usize {
+        let at = self.roles.colour[0];
+        self.names.files()[at.file].parts()[at.part]
+            .header
+            .layer_size
+            .0
+    }
+
     /// A source of its rows (see [`ExrSource::new`]).
     pub fn source(&self, limit: u64) -> Result<ExrSource, Error> {
         let layers = self
@@ -104,6 +116,8 @@ pub struct JobOptions {
     pub extra: ExtraLayers,
     /// Bytes of memory that may be used.
     pub memory_limit: u64,
+    /// Only this band of the frame.
+    pub band: Option<Band>,
 }
 
 /// What a job did.
@@ -176,6 +190,14 @@ pub fn memory_plan(
         .sum();
     plan.add("offset tables", tables.saturating_mul(16));
     plan.add("computing", pipeline_bytes(input, options));
+    if options.pipeline.threads.get() > 1 {
+        let planes = 6 + 2 * FEATURES + 6 + 6 * input.layers.len();
+        let row = (input.width() as u64).saturating_mul(4 * planes as u64);
+        plan.add(
+            "rows read ahead and written behind",
+            row.saturating_mul(ROWS_IN_FLIGHT as u64 + 2),
+        );
+    }
     Ok(plan)
 }
 
@@ -186,11 +208,7 @@ const PIPELINE_ROWS: u64 = 96;
 const PIPELINE_PLANES: u64 = 40;
 
 fn pipeline_bytes(input: &Input, options: &JobOptions) -> u64 {
-    let at = input.roles.colour[0];
-    let width = input.names.files()[at.file].parts()[at.part]
-        .header
-        .layer_size
-        .0 as u64;
+    let width = input.width() as u64;
     let planes = PIPELINE_PLANES + 6 * input.layers.len() as u64;
     let threads = options.pipeline.threads.get() as u64;
     width
@@ -228,8 +246,8 @@ pub fn check_output(output: &Path, inputs: &[&Path]) -> Result<(), Error> {
     Ok(())
 }
 
-/// Denoises `input` into `output`. `progress` is told how many rows have been written; the job ends with
-/// [`Error::Cancelled`] soon after `stop` is set, and leaves nothing behind.
+/// Denoises `input` into `output`. `progress` is told how many rows have been written; the job ends
+/// with [`Error::Cancelled`] soon after `stop` is set, and leaves nothing behind.
 pub fn denoise(
     input: &Input,
     output: &Path,
@@ -239,30 +257,52 @@ pub fn denoise(
 ) -> Result<Summary, Error> {
     let inputs: Vec<&Path> = input.names.files().iter().map(|file| file.path()).collect();
     check_output(output, &inputs)?;
-    let rewrite = input.rewrite(options.extra)?;
+    let mut rewrite = input.rewrite(options.extra)?;
     memory_plan(input, &rewrite, options)?.check(options.memory_limit)?;
-    let mut source = input.source(options.memory_limit)?;
-    let mut sink = ExrSink::create(
-        output,
-        input.file().clone(),
-        rewrite,
-        options.memory_limit,
-        stop.clone(),
-    )?;
-    let mut told = |rows| {
-        progress(rows);
+    let rows = match options.band {
+        Some(band) => band.restrict(&mut rewrite, input.file())?,
+        None => 0..input.height(),
+    };
+    let mut source = BandSource::new(input.source(options.memory_limit)?, &rows);
+    let within = rows.start - source.first()..rows.end - source.first();
+    let limit = options.memory_limit;
+    let sink = ExrSink::create(output, input.file().clone(), rewrite, limit, stop.clone())?;
+    let mut sink = BandSink::new(sink, within.clone());
+    let mut told = |done: usize| {
+        progress(done.min(within.end).saturating_sub(within.start));
         if stop.load(Ordering::Relaxed) {
             ControlFlow::Break(())
         } else {
             ControlFlow::Continue(())
         }
     };
-    let report = pipeline::denoise(&mut source, &mut sink, &options.pipeline, &mut told)?;
-    let clamped = sink.finish()?;
+    let report = run(&mut source, &mut sink, &options.pipeline, &mut told)?;
+    let clamped = sink.into_inner().finish()?;
     Ok(Summary {
         report,
         clamped,
-        layers_off: source.layers_off(),
+        layers_off: source.inner().layers_off(),
+    })
+}
+
+/// Runs the pipeline; reads ahead and writes behind it if it may use more than one thread.
+fn run(
+    source: &mut dyn RowSource,
+    sink: &mut dyn RowSink,
+    options: &Options,
+    progress: &mut dyn FnMut(usize) -> ControlFlow<()>,
+) -> Result<Report, Error> {
+    if options.threads.get() == 1 {
+        return pipeline::denoise(source, sink, options, progress);
+    }
+    std::thread::scope(|scope| {
+        let mut ahead = ReadAhead::start(scope, source);
+        let mut behind = WriteBehind::start(scope, sink);
+        let report = pipeline::denoise(&mut ahead, &mut behind, options, progress);
+        drop(ahead);
+        // what went wrong at the far end is the reason for what the pipeline saw
+        behind.finish()?;
+        report
     })
 }
 

@@ -1,5 +1,6 @@
 //! Streams images through `linpred-core`.
 
+pub mod band;
 pub mod compare;
 pub mod error;
 pub mod exr_file;
@@ -10,6 +11,7 @@ pub mod job;
 pub mod layers;
 pub mod memory;
 pub mod names;
+pub mod overlap;
 pub mod pipeline;
 pub mod presets;
 pub mod rewrite;
@@ -19,4 +21,5 @@ pub mod samples;
 pub mod sequence;
 pub mod sink;
 pub mod source;
+pub mod stitch;
 pub mod variance;

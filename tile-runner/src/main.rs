@@ -1,4 +1,4 @@
-//! The command line of linpred: `linpred denoise | inspect | compare`.
+//! The command line of linpred: `linpred denoise | inspect | compare | stitch`.
 
 mod cli;
 
@@ -13,6 +13,7 @@ fn main() -> ExitCode {
         cli::args::Command::Denoise(denoise) => cli::denoise::run(denoise, &arguments.log),
         cli::args::Command::Inspect(inspect) => cli::inspect::run(inspect),
         cli::args::Command::Compare(compare) => cli::compare::run(compare),
+        cli::args::Command::Stitch(stitch) => cli::stitch::run(stitch),
     };
     match result {
         Ok(code) => code,

@@ -68,6 +68,8 @@ pub struct Rewrite {
     pub parts: Vec<PartPlan>,
     /// Those of them that are not copies.
     pub rewritten: Vec<RewrittenPart>,
+    /// The input's row that is the output's first; 0 unless the output is a band of the frame.
+    pub first_row: usize,
     /// What a user should know about them.
     pub notes: Vec<String>,
 }
@@ -84,6 +86,7 @@ impl Rewrite {
             version: input.version(),
             parts: Vec::new(),
             rewritten: Vec::new(),
+            first_row: 0,
             notes: Vec::new(),
         };
         for part in input.parts() {

@@ -24,6 +24,8 @@ pub struct ExrSink {
     parts: Vec<PartInProgress>,
     /// Parts that are copied once the others are written.
     copies: Vec<usize>,
+    /// The input's row that is the output's first.
+    first_row: usize,
     stop: Arc<AtomicBool>,
     clamped: u64,
 }
@@ -63,6 +65,7 @@ impl ExrSink {
             .collect();
         let writer = ExrWriter::create(path, plan.version, plan.parts)?;
         let mut sink = Self {
+            first_row: plan.first_row,
             input,
             writer,
             parts,
@@ -86,12 +89,20 @@ impl ExrSink {
         Ok(self.clamped)
     }
 
+    /// Copies those chunks of a part that lie in the output's rows.
     fn copy_part(&mut self, part: usize) -> Result<(), Error> {
+        let grid = self.input.parts()[part].grid;
+        let before = grid.block_row(self.first_row) * grid.columns();
+        let wanted = before..before + self.writer.chunks(part);
         for index in self.input.chunks_in_file_order(part) {
+            if !wanted.contains(&index) {
+                continue;
+            }
             if self.stop.load(Ordering::Relaxed) {
                 return Err(Error::Cancelled);
             }
-            self.writer.copy_chunk(part, index, &self.input, part)?;
+            self.writer
+                .copy_chunk((part, index - before), &self.input, (part, index))?;
         }
         Ok(())
     }
@@ -100,7 +111,7 @@ impl ExrSink {
 impl RowSink for ExrSink {
     fn write_row(&mut self, y: usize, row: &OutputRow) -> Result<(), Error> {
         for part in &mut self.parts {
-            self.clamped += part.take_row(y, row)?;
+            self.clamped += part.take_row(y, self.first_row, row)?;
             part.write_full_blocks(y, &mut self.writer)?;
         }
         Ok(())
@@ -121,8 +132,9 @@ impl PartInProgress {
         })
     }
 
-    /// Puts one row into the current blocks; returns how many samples were clamped.
-    fn take_row(&mut self, y: usize, row: &OutputRow) -> Result<u64, Error> {
+    /// Puts one row into the current blocks; returns how many samples were clamped. `first_row` is the input's row that is
+    /// row 0 of the output.
+    fn take_row(&mut self, y: usize, first_row: usize, row: &OutputRow) -> Result<u64, Error> {
         let grid = self.plan.grid;
         let block_row = grid.block_row(y);
         let channels = &self.plan.header.channels;
@@ -140,7 +152,7 @@ impl PartInProgress {
             let plane = match self.plan.fills[channel] {
                 Fill::Input(kept) => {
                     let rows = self.kept.as_mut().expect("opened when a channel is kept");
-                    rows.copy_row(kept, y, &mut self.samples)?;
+                    rows.copy_row(kept, first_row + y, &mut self.samples)?;
                     None
                 }
                 Fill::Colour(k) => Some(&row.colour[k]),

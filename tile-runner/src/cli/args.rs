@@ -4,6 +4,7 @@ use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use linpred::band::Band;
 use linpred::memory::parse_size;
 use linpred::presets::PRESET_NAMES;
 use linpred::roles::Mapping;
@@ -49,6 +50,8 @@ pub(crate) enum Command {
     Inspect(InspectArguments),
     /// Measure how far an image is from a reference
     Compare(CompareArguments),
+    /// Put the bands of a frame together
+    Stitch(StitchArguments),
 }
 
 #[derive(Debug, Args)]
@@ -91,6 +94,9 @@ pub(crate) struct DenoiseArguments {
     /// Leave frames alone whose output exists
     #[arg(long)]
     pub(crate) skip_existing: bool,
+    /// Only the i-th of N bands of the frame, with the bits that the whole frame would have; see 'linpred stitch'
+    #[arg(long, value_name = "i/N", value_parser = Band::parse)]
+    pub(crate) band: Option<Band>,
     /// Print the plan (roles, memory) and do nothing
     #[arg(long)]
     pub(crate) dry_run: bool,
@@ -161,6 +167,21 @@ pub(crate) struct CompareArguments {
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  linpred denoise noisy.exr -o band1.exr --band 1/2       on one machine
+  linpred denoise noisy.exr -o band2.exr --band 2/2       on another
+  linpred stitch band*.exr -o clean.exr")]
+pub(crate) struct StitchArguments {
+    /// The bands, in any order
+    #[arg(value_name = "BAND.exr", required = true)]
+    pub(crate) bands: Vec<PathBuf>,
+    /// The frame
+    #[arg(short, long, value_name = "CLEAN.exr")]
+    pub(crate) output: PathBuf,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -118,6 +118,7 @@ fn options(arguments: &DenoiseArguments) -> JobOptions {
             models: arguments.models_layer,
         },
         memory_limit: arguments.max_memory.unwrap_or(DEFAULT_LIMIT),
+        band: arguments.band,
     }
 }
 

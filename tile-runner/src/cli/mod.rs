@@ -8,4 +8,5 @@ pub(crate) mod frames;
 pub(crate) mod inspect;
 pub(crate) mod log;
 pub(crate) mod progress;
+pub(crate) mod stitch;
 pub(crate) mod stop;

@@ -45,6 +45,17 @@ impl BlockGrid {
         }
     }
 
+    /// The grid of the `rows` pixel rows from row `first` on, for a part without smaller levels; `first` is a multiple of
+    /// the block height.
+    pub fn restricted(&self, first: usize, rows: usize) -> Self {
+        Self {
+            // a row of a data window fits i32
+            origin_y: self.origin_y + first as i32,
+            height: rows,
+            ..*self
+        }
+    }
+
     /// Blocks side by side at full resolution.
     pub fn columns(&self) -> usize {
         self.width.div_ceil(self.block_width)

@@ -56,6 +56,11 @@ impl ExrWriter {
         self.file.path()
     }
 
+    /// Blocks of a part.
+    pub fn chunks(&self, part: usize) -> usize {
+        self.tables[part].len()
+    }
+
     /// Appends a block of flat data that has been compressed already.
     pub fn write_block(&mut self, part: usize, index: usize, payload: &[u8]) -> Result<(), Error> {
         let plan = &self.parts[part];
@@ -69,21 +74,26 @@ impl ExrWriter {
         self.file.append(payload)
     }
 
-    /// Copies a chunk of another file without decoding it. Both parts have the same grid and shape but for the number of
-    /// parts beside them.
+    /// Copies chunk `from_index` of part `from_part` of another file without decoding it, to where chunk `index` of `part`
+    /// belongs. Both parts cut their blocks alike.
     pub fn copy_chunk(
         &mut self,
-        part: usize,
-        index: usize,
+        (part, index): (usize, usize),
         from: &ExrFile,
-        from_part: usize,
+        (from_part, from_index): (usize, usize),
     ) -> Result<(), Error> {
-        let multi_part = self.parts[part].shape.multi_part;
+        let plan = &self.parts[part];
+        let multi_part = plan.shape.multi_part;
+        let place = plan
+            .grid
+            .place(index)
+            .expect("the caller counts blocks by the same grid");
         self.tables[part][index] = self.file.position();
         let file = &mut self.file;
         let mut written = Ok(());
-        let copied = from.copy_chunk(from_part, index, |mut head| {
+        let copied = from.copy_chunk(from_part, from_index, |mut head| {
             head.part = part as i32;
+            head.place = place;
             written = file.append(&head.encode(multi_part));
             file
         })?;
