@@ -183,6 +183,28 @@ fn a_lossy_colour_part_stays_lossy_unless_layers_are_added_to_it() {
 }
 
 #[test]
+fn added_layers_leave_the_rest_as_it_is_even_where_they_change_the_blocks() {
+    let folder = tempfile::tempdir().unwrap();
+    for compression in [
+        Compression::PIZ,
+        Compression::DWAB(None),
+        Compression::PXR24,
+    ] {
+        for blocks in layouts() {
+            let noisy = encoded(compression, blocks, part(everything(PIXELS)));
+            write(&folder.path().join("in.exr"), SIZE, vec![noisy]);
+            let input = read(&folder.path().join("in.exr"));
+            let output = denoise(folder.path(), &["--error-layer", "--models-layer"]);
+            for name in channel_names(&input, 0) {
+                if !["R", "G", "B"].contains(&name.as_str()) {
+                    assert_eq!(bits(&input, 0, &name), bits(&output, 0, &name), "{name}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
 fn a_second_run_replaces_the_layers_of_the_first() {
     let folder = tempfile::tempdir().unwrap();
     write(

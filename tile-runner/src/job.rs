@@ -159,26 +159,28 @@ pub fn memory_plan(
     }
     for part in &rewrite.rewritten {
         let source = &input.file().parts()[part.index];
-        // the input's blocks once more, for the channels that are kept; the output's; one of them while it is compressed
-        let bytes = source
-            .block_row_bytes()
-            .saturating_add(source.block_bytes().saturating_mul(2));
-        plan.add(
-            format!(
-                "keeping the other channels of {}",
-                block_description(source)
-            ),
-            bytes,
-        );
         let rows = part.grid.block_height().min(part.header.layer_size.1) as u64;
-        let row = part.header.layer_size.0 as u64 * part.header.channels.bytes_per_pixel as u64;
-        let block = rows
-            .saturating_mul(row)
-            .div_ceil(part.grid.columns() as u64);
+        let columns = part.grid.columns() as u64;
+        let block_row = |bytes: u64| {
+            rows.saturating_mul(source.header.layer_size.0 as u64)
+                .saturating_mul(bytes)
+        };
         plan.add(
-            format!("writing {}", source.label()),
-            rows.saturating_mul(row)
-                .saturating_add(block.saturating_mul(3)),
+            format!("denoised rows of {}", source.label()),
+            block_row(part.denoised_bytes()),
+        );
+        // a block of the input, one of the output, and the latter's copies while it is compressed
+        let block = block_row(part.header.channels.bytes_per_pixel as u64).div_ceil(columns);
+        let other_blocks = part.grid.block_height() != source.grid.block_height();
+        let kept = if other_blocks {
+            source.block_row_bytes()
+        } else {
+            0
+        };
+        let bytes = kept.saturating_add(source.block_bytes().saturating_mul(2));
+        plan.add(
+            format!("writing {}", block_description(source)),
+            bytes.saturating_add(block.saturating_mul(4)),
         );
     }
     let tables: u64 = input

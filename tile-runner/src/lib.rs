@@ -12,6 +12,7 @@ pub mod layers;
 pub mod memory;
 pub mod names;
 pub mod overlap;
+mod part_in_progress;
 pub mod pipeline;
 pub mod presets;
 pub mod rewrite;

@@ -59,6 +59,17 @@ pub struct RewrittenPart {
     pub fills: Vec<Fill>,
 }
 
+impl RewrittenPart {
+    /// Bytes per pixel of the channels that are not kept.
+    pub fn denoised_bytes(&self) -> u64 {
+        let channels = self.header.channels.list.iter().zip(&self.fills);
+        let denoised = channels.filter(|(_, fill)| !matches!(fill, Fill::Input(_)));
+        denoised
+            .map(|(channel, _)| channel.sample_type.bytes_per_sample() as u64)
+            .sum()
+    }
+}
+
 /// The output file.
 #[derive(Clone, Debug)]
 pub struct Rewrite {

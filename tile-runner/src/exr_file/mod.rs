@@ -6,6 +6,7 @@
 
 pub mod attributes;
 pub mod chunk;
+pub mod encode;
 pub mod grid;
 pub mod header;
 pub mod output;
@@ -15,4 +16,4 @@ pub mod writer;
 
 pub use header::{Part, Refusal};
 pub use reader::ExrFile;
-pub use rows::PartRows;
+pub use rows::{PartRows, check_decodable};

@@ -9,6 +9,31 @@ use half::slice::HalfFloatSliceExt;
 use super::reader::ExrFile;
 use crate::error::Error;
 
+/// Refuses what cannot be decoded: [`Error::Unsupported`] if a part's pixels are of a kind that is not, [`Error::Budget`] if
+/// one row of its blocks takes more than `limit` bytes.
+pub fn check_decodable(file: &ExrFile, part: usize, limit: u64) -> Result<(), Error> {
+    let described = &file.parts()[part];
+    let (path, label) = (file.path().display(), described.label());
+    if let Some(refusal) = &described.refusal {
+        return Err(Error::Unsupported(format!("{path}: {label}: {refusal}")));
+    }
+    if described.block_row_bytes() > limit {
+        return Err(Error::Budget(format!(
+            "{path}: {label}: one row of blocks ({} rows of {} pixels, {} channels, {}) takes {} MiB, the limit is {} MiB",
+            described
+                .grid
+                .block_height()
+                .min(described.header.layer_size.1),
+            described.header.layer_size.0,
+            described.header.channels.list.len(),
+            described.header.compression,
+            described.block_row_bytes() >> 20,
+            limit >> 20,
+        )));
+    }
+    Ok(())
+}
+
 /// Reads rows of one part, in any order; cheapest from top to bottom.
 #[derive(Debug)]
 pub struct PartRows {
@@ -30,30 +55,10 @@ struct Block {
 }
 
 impl PartRows {
-    /// Rows of a part. [`Error::Unsupported`] if its pixels cannot be decoded, [`Error::Budget`] if one row of its blocks
-    /// takes more than `limit` bytes.
+    /// Rows of a part. Errors as for [`check_decodable`].
     pub fn new(file: Arc<ExrFile>, part: usize, limit: u64) -> Result<Self, Error> {
+        check_decodable(&file, part, limit)?;
         let described = &file.parts()[part];
-        if let Some(refusal) = &described.refusal {
-            let (path, label) = (file.path().display(), described.label());
-            return Err(Error::Unsupported(format!("{path}: {label}: {refusal}")));
-        }
-        if described.block_row_bytes() > limit {
-            return Err(Error::Budget(format!(
-                "{}: {}: one row of blocks ({} rows of {} pixels, {} channels, {}) takes {} MiB, the limit is {} MiB",
-                file.path().display(),
-                described.label(),
-                described
-                    .grid
-                    .block_height()
-                    .min(described.header.layer_size.1),
-                described.header.layer_size.0,
-                described.header.channels.list.len(),
-                described.header.compression,
-                described.block_row_bytes() >> 20,
-                limit >> 20,
-            )));
-        }
         let channels = &described.header.channels;
         let starts = channels
             .channels_with_byte_offset()
