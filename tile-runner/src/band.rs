@@ -1,181 +1,240 @@
-//! The rows of the image that are in memory, as the core wants them.
+//! A band of a frame: what one of several machines denoises, to be stitched together without decoding.
+//!
+//! A band's rows begin and end on blocks of the file. It is computed from more rows than it writes, beginning on a row of
+//! cells of the whole frame, so that every pixel comes out with the bits that the whole frame would have given it.
 
-use std::collections::VecDeque;
+use std::ops::Range;
 
-use crate::row::{FEATURES, InputRow, RowLayout, VarianceKind};
+use crate::error::Error;
+use crate::exr_file::ExrFile;
+use crate::exr_file::attributes::Attributes;
+use crate::geometry::ImageSize;
+use crate::rewrite::Rewrite;
+use crate::row::{InputRow, OutputRow, RowLayout, RowSink, RowSource};
 
-/// Radiances and features beyond this magnitude count as not finite: their squares would leave `f32`.
-const LARGEST: f32 = 1e15;
+/// Side of a cell, pixels.
+const CELL: usize = 19;
+/// Rows around a band that its pixels may depend on: a pixel is predicted by cells whose windows reach 9 rows beyond them, on
+/// features that were prefiltered with a halo of their own. Four cells are more than that; the test that stitches bands
+/// fails if they ever are not.
+const MARGIN: usize = 4 * CELL;
 
-/// Depths from here on are what renderers write where a ray leaves the scene.
-const NO_SURFACE: f32 = 1e9;
+/// Attribute of a band: the data window of the whole frame.
+pub const FRAME_ATTRIBUTE: &str = "linpredFrameWindow";
+/// Attribute of a band: which one it is, such as `2/4`.
+pub const BAND_ATTRIBUTE: &str = "linpredBand";
 
-/// One row of input after its values have been checked.
-pub(crate) struct BandRow {
-    /// Radiance, 0 where the pixel is bad.
-    pub(crate) colour: [Vec<f32>; 3],
-    /// Mean magnitude of the channels.
-    pub(crate) luminance: Vec<f32>,
-    /// Variance of the mean, summed over the channels, 0 where the pixel is bad.
-    pub(crate) variance: Vec<f32>,
-    /// 1, or 0 where the colour is not finite.
-    pub(crate) good: Vec<f32>,
-    /// Features; NaN where missing.
-    pub(crate) features: [Vec<f32>; FEATURES],
-    /// Variances of the features.
-    pub(crate) feature_variances: [Vec<f32>; FEATURES],
-    /// Extra layers, 0 where not finite.
-    pub(crate) layers: Vec<[Vec<f32>; 3]>,
-}
-
-impl BandRow {
-    fn new(layout: &RowLayout) -> Self {
-        let plane = || vec![0.0; layout.size.width()];
-        Self {
-            colour: std::array::from_fn(|_| plane()),
-            luminance: plane(),
-            variance: plane(),
-            good: plane(),
-            features: std::array::from_fn(|_| plane()),
-            feature_variances: std::array::from_fn(|_| plane()),
-            layers: (0..layout.layers)
-                .map(|_| std::array::from_fn(|_| plane()))
-                .collect(),
-        }
-    }
-
-    fn fill(&mut self, input: &InputRow, kind: VarianceKind) {
-        for x in 0..self.good.len() {
-            let colour: [f32; 3] = std::array::from_fn(|c| input.colour[c][x]);
-            let good = colour.iter().all(|v| v.abs() <= LARGEST);
-            self.good[x] = if good { 1.0 } else { 0.0 };
-            self.luminance[x] = 0.0;
-            self.variance[x] = 0.0;
-            for c in 0..3 {
-                let y = if good { colour[c] } else { 0.0 };
-                self.colour[c][x] = y;
-                self.luminance[x] += y.abs() / 3.0;
-                if good && kind != VarianceKind::Estimated {
-                    self.variance[x] += checked_variance(input.variance[c][x], y);
-                }
-            }
-        }
-        for k in 0..FEATURES {
-            for x in 0..self.good.len() {
-                let value = input.features[k][x];
-                let leaves = k == FEATURES - 1 && value.abs() >= NO_SURFACE;
-                let value = if leaves { 0.0 } else { value };
-                self.features[k][x] = if value.abs() <= LARGEST {
-                    value
-                } else {
-                    f32::NAN
-                };
-                let variance = input.feature_variances[k][x];
-                self.feature_variances[k][x] = if leaves {
-                    0.0
-                } else {
-                    checked_variance(variance, value)
-                };
-            }
-        }
-        for (own, layer) in self.layers.iter_mut().zip(&input.layers) {
-            for (own, plane) in own.iter_mut().zip(layer) {
-                for (own, &value) in own.iter_mut().zip(plane) {
-                    *own = if value.is_finite() { value } else { 0.0 };
-                }
-            }
-        }
-    }
-}
-
-/// A variance that can be used: one that is not finite (a half float that overflowed) counts as the value's square.
-fn checked_variance(variance: f32, value: f32) -> f32 {
-    if variance.is_finite() {
-        variance.clamp(0.0, LARGEST * LARGEST)
-    } else {
-        (value * value).min(LARGEST * LARGEST)
-    }
-}
-
-/// Consecutive rows, the oldest first.
-pub(crate) struct Band {
-    layout: RowLayout,
-    first: usize,
-    rows: VecDeque<BandRow>,
-    spare: Vec<BandRow>,
+/// The `index`-th of `count` bands, from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Band {
+    index: usize,
+    count: usize,
 }
 
 impl Band {
-    pub(crate) fn new(layout: RowLayout) -> Self {
-        Self {
-            layout,
-            first: 0,
-            rows: VecDeque::new(),
-            spare: Vec::new(),
+    /// Parses `2/4`. [`Error::Usage`] otherwise.
+    pub fn parse(text: &str) -> Result<Self, Error> {
+        let parts = text
+            .split_once('/')
+            .and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+        match parts {
+            Some((index, count)) if 1 <= index && index <= count => Ok(Self { index, count }),
+            _ => Err(Error::Usage(format!(
+                "--band {text}: expected i/N with i from 1 to N, such as 2/4"
+            ))),
         }
     }
 
-    /// The row after the last one held.
-    pub(crate) fn next(&self) -> usize {
-        self.first + self.rows.len()
-    }
-
-    pub(crate) fn push(&mut self, input: &InputRow) {
-        let mut row = self
-            .spare
-            .pop()
-            .unwrap_or_else(|| BandRow::new(&self.layout));
-        row.fill(input, self.layout.variance);
-        self.rows.push_back(row);
-    }
-
-    /// Lets go of the rows before `y`.
-    pub(crate) fn drop_before(&mut self, y: usize) {
-        while self.first < y {
-            let Some(row) = self.rows.pop_front() else {
-                return;
-            };
-            self.spare.push(row);
-            self.first += 1;
+    /// The band's rows of an image of `height` rows that may be cut every `unit` rows. [`Error::Usage`] when there are fewer
+    /// pieces than bands and this one would be empty.
+    fn rows(self, height: usize, unit: usize) -> Result<Range<usize>, Error> {
+        let pieces = height.div_ceil(unit) as u64;
+        let cut = |index: usize| (index as u64 * pieces / self.count as u64) as usize * unit;
+        let rows = cut(self.index - 1)..cut(self.index).min(height);
+        if rows.is_empty() {
+            return Err(Error::Usage(format!(
+                "--band {}/{} is empty: the blocks of the file can be cut every {unit} rows, which makes {pieces} pieces",
+                self.index, self.count
+            )));
         }
+        Ok(rows)
     }
 
-    /// Row `y`, or the nearest row of the image. The caller has asked for rows that are held.
-    pub(crate) fn row(&self, y: isize) -> &BandRow {
-        let y = clamped(y, self.layout.size.height());
-        &self.rows[y - self.first]
-    }
-
-    pub(crate) fn row_mut(&mut self, y: usize) -> &mut BandRow {
-        &mut self.rows[y - self.first]
-    }
-
-    /// Feature `k` at (x, y), from the nearest pixel of the image; a missing one is the mean of those around it, or 0.
-    pub(crate) fn feature(&self, k: usize, x: isize, y: isize) -> f32 {
-        let width = self.layout.size.width();
-        let value = self.row(y).features[k][clamped(x, width)];
-        if !value.is_nan() {
-            return value;
-        }
-        let (x, y) = (
-            clamped(x, width) as isize,
-            clamped(y, self.layout.size.height()) as isize,
-        );
-        let (mut sum, mut count) = (0.0, 0.0);
-        for row in (y - 1..=y + 1).map(|y| self.row(y)) {
-            for x in x - 1..=x + 1 {
-                let value = row.features[k][clamped(x, width)];
-                if !value.is_nan() {
-                    sum += value;
-                    count += 1.0;
-                }
+    /// Restricts an output to this band; gives the band's rows of the frame.
+    ///
+    /// [`Error::Unsupported`] if a part cannot be cut: it has smaller levels, or another data window than the colour.
+    pub fn restrict(self, plan: &mut Rewrite, input: &ExrFile) -> Result<Range<usize>, Error> {
+        let Some(window) = plan.rewritten.first().map(|part| part.header.data_window()) else {
+            return Err(Error::Usage("--band: nothing is denoised".into()));
+        };
+        let height = window.size.1;
+        for (plan, part) in plan.parts.iter().zip(input.parts()) {
+            let own = part.data_window();
+            if plan.grid.has_levels() || (own.position.1, own.size.1) != (window.position.1, height)
+            {
+                return Err(Error::Unsupported(format!(
+                    "{}: {}: cannot be cut into bands: it has smaller levels, or other rows than the colour",
+                    input.path().display(),
+                    part.label()
+                )));
             }
         }
-        if count > 0.0 { sum / count } else { 0.0 }
+        let unit = plan
+            .parts
+            .iter()
+            .map(|part| part.grid.block_height())
+            .fold(1, |a, b| lcm(a, b, height));
+        let rows = self.rows(height, unit)?;
+        let label = format!("{}/{}", self.index, self.count).into_bytes();
+        for part in &mut plan.parts {
+            part.grid = part.grid.restricted(rows.start, rows.len());
+            part.chunks = part.grid.rows() * part.grid.columns();
+            restrict_attributes(&mut part.attributes, &rows, part.chunks);
+            part.attributes.set(BAND_ATTRIBUTE, "string", label.clone());
+        }
+        for part in &mut plan.rewritten {
+            part.grid = part.grid.restricted(rows.start, rows.len());
+            part.header.layer_size.1 = rows.len();
+            part.header.own_attributes.layer_position.1 += rows.start as i32;
+        }
+        plan.first_row = rows.start;
+        Ok(rows)
     }
 }
 
-/// The nearest of 0..length.
-pub(crate) fn clamped(position: isize, length: usize) -> usize {
-    position.clamp(0, length as isize - 1) as usize
+/// Cuts the data window and remembers the whole one.
+fn restrict_attributes(attributes: &mut Attributes, rows: &Range<usize>, chunks: usize) {
+    let Some(window) = attributes.value("dataWindow", "box2i").map(<[u8]>::to_vec) else {
+        return;
+    };
+    let mut band = window.clone();
+    // rows of a data window fit i32
+    if let Some(top) = window
+        .get(4..8)
+        .and_then(|b| Some(i32::from_le_bytes(b.try_into().ok()?)))
+    {
+        let (first, last) = (top + rows.start as i32, top + rows.end as i32 - 1);
+        band[4..8].copy_from_slice(&first.to_le_bytes());
+        band[12..16].copy_from_slice(&last.to_le_bytes());
+    }
+    attributes.set("dataWindow", "box2i", band);
+    attributes.set(FRAME_ATTRIBUTE, "box2i", window);
+    if attributes.int("chunkCount").is_some() {
+        attributes.set("chunkCount", "int", (chunks as i32).to_le_bytes().to_vec());
+    }
+}
+
+/// Least common multiple, at most `limit`.
+fn lcm(a: usize, b: usize, limit: usize) -> usize {
+    let (mut x, mut y) = (a, b);
+    while y != 0 {
+        (x, y) = (y, x % y);
+    }
+    (a / x).saturating_mul(b).min(limit)
+}
+
+/// The rows of a source that a band is computed from.
+#[derive(Debug)]
+pub struct BandSource<S> {
+    inner: S,
+    rows: Range<usize>,
+}
+
+impl<S: RowSource> BandSource<S> {
+    /// What is needed for the rows `band` of `inner`.
+    pub fn new(inner: S, band: &Range<usize>) -> Self {
+        let first = band.start.saturating_sub(MARGIN) / CELL * CELL;
+        let last = (band.end + MARGIN).min(inner.layout().size.height());
+        Self {
+            inner,
+            rows: first..last,
+        }
+    }
+
+    /// The first of its rows, in the frame.
+    pub fn first(&self) -> usize {
+        self.rows.start
+    }
+
+    /// The source of the whole frame.
+    pub fn inner(&self) -> &S {
+        &self.inner
+    }
+}
+
+impl<S: RowSource> RowSource for BandSource<S> {
+    fn layout(&self) -> RowLayout {
+        let layout = self.inner.layout();
+        // not empty, and no larger than the frame
+        let size = ImageSize::new(layout.size.width(), self.rows.len()).unwrap_or(layout.size);
+        RowLayout { size, ..layout }
+    }
+
+    fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), Error> {
+        self.inner.read_row(self.rows.start + y, row)
+    }
+}
+
+/// Passes on those rows that belong to a band.
+#[derive(Debug)]
+pub struct BandSink<S> {
+    inner: S,
+    rows: Range<usize>,
+}
+
+impl<S: RowSink> BandSink<S> {
+    /// Passes the rows `rows` on as rows from 0.
+    pub fn new(inner: S, rows: Range<usize>) -> Self {
+        Self { inner, rows }
+    }
+
+    /// The sink that takes the band.
+    pub fn into_inner(self) -> S {
+        self.inner
+    }
+}
+
+impl<S: RowSink> RowSink for BandSink<S> {
+    fn write_row(&mut self, y: usize, row: &OutputRow) -> Result<(), Error> {
+        match self.rows.contains(&y) {
+            true => self.inner.write_row(y - self.rows.start, row),
+            false => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bands_cover_every_row_once() {
+        for (height, unit, count) in [
+            (4096, 16, 5),
+            (100, 16, 7),
+            (83, 17, 2),
+            (19, 32, 1),
+            (65536, 544, 31),
+        ] {
+            let mut next = 0;
+            for index in 1..=count {
+                let rows = Band { index, count }.rows(height, unit).unwrap();
+                assert_eq!((rows.start, rows.start % unit), (next, 0));
+                next = rows.end;
+            }
+            assert_eq!(next, height);
+        }
+        assert!(matches!(
+            Band { index: 1, count: 3 }.rows(40, 32),
+            Err(Error::Usage(_))
+        ));
+    }
+
+    #[test]
+    fn bands_are_counted_from_one() {
+        assert_eq!(Band::parse("2/4").unwrap(), Band { index: 2, count: 4 });
+        for text in ["0/4", "5/4", "1", "a/b", "1/0", "-1/4"] {
+            assert!(Band::parse(text).is_err(), "{text}");
+        }
+    }
 }

@@ -6,9 +6,9 @@ use linpred_core::{
 };
 use rayon::prelude::*;
 
-use crate::band::{Band, clamped};
 use crate::dispatch::Level;
 use crate::geometry::ImageSize;
+use crate::held_rows::{HeldRows, clamped};
 use crate::row::FEATURES;
 
 /// Rows of input around a row of blocks that it is made of.
@@ -45,7 +45,7 @@ impl PreparedRows {
     /// Works out the rows from `first_row` on, and returns how many feature groups had to be filtered, per group and block.
     pub(crate) fn fill(
         &mut self,
-        band: &Band,
+        band: &HeldRows,
         size: ImageSize,
         first_row: usize,
         level: Level,
@@ -102,7 +102,7 @@ struct Block {
 }
 
 impl Block {
-    fn work_out(band: &Band, size: ImageSize, x: usize, y: usize, level: Level) -> Box<Self> {
+    fn work_out(band: &HeldRows, size: ImageSize, x: usize, y: usize, level: Level) -> Box<Self> {
         let mut block = Box::new(Self {
             prepared: PreparedBlock::EMPTY,
             normal: FilteredGroup::ZERO,
@@ -122,7 +122,7 @@ impl Block {
     }
 }
 
-fn colours(band: &Band, size: ImageSize, x: usize, y: usize) -> Box<ColourBlock> {
+fn colours(band: &HeldRows, size: ImageSize, x: usize, y: usize) -> Box<ColourBlock> {
     let mut block = Box::new(ColourBlock::BLACK);
     for row in 0..ColourBlock::HEIGHT {
         let source = band.row((y + row) as isize - PREPARE_HALO as isize);
@@ -137,7 +137,7 @@ fn colours(band: &Band, size: ImageSize, x: usize, y: usize) -> Box<ColourBlock>
 }
 
 fn features<const N: usize>(
-    band: &Band,
+    band: &HeldRows,
     size: ImageSize,
     first: usize,
     x: usize,

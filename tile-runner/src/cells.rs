@@ -3,15 +3,15 @@
 use linpred_core::{CELL, HALO, Params, Pixel, PixelState, Predictions, Scratch, Sum, TILE, Tile};
 use rayon::prelude::*;
 
-use crate::band::Band;
 use crate::blocks::PreparedRows;
 use crate::dispatch::{Level, TILE_FEATURES};
 use crate::geometry::ImageSize;
+use crate::held_rows::HeldRows;
 
 /// The prepared rows that a row of cells reads: the one above, its own, the one below.
 pub(crate) struct Neighbourhood<'a> {
     pub(crate) size: ImageSize,
-    pub(crate) band: &'a Band,
+    pub(crate) band: &'a HeldRows,
     /// Prepared rows of cell rows `row - 1`, `row`, `row + 1`.
     pub(crate) prepared: [&'a PreparedRows; 3],
     pub(crate) row: usize,

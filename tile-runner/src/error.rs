@@ -10,14 +10,25 @@ pub enum Error {
     /// The input contradicts itself or the request (damaged file, missing channel, sizes that differ).
     #[error("{0}")]
     Invalid(String),
-    /// Reading or writing failed.
+    /// Reading the input failed.
     #[error("{context}: {source}")]
-    Io {
-        /// What was being done, to which file.
+    Read {
+        /// What was being read.
         context: String,
         /// The system's reason.
         source: std::io::Error,
     },
+    /// Writing the output failed (disk full, no permission, another process at it).
+    #[error("{context}: {source}")]
+    Write {
+        /// What was being written.
+        context: String,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The request makes no sense whatever the input holds (output equal to input, a malformed option).
+    #[error("{0}")]
+    Usage(String),
     /// The work does not fit the memory that it may use.
     #[error("{0}")]
     Budget(String),

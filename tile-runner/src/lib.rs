@@ -1,10 +1,30 @@
 //! Streams images through `linpred-core`.
 
-mod band;
+pub mod band;
 mod blocks;
 mod cells;
+pub mod compare;
 mod dispatch;
 pub mod error;
+pub mod exr_file;
 pub mod geometry;
+pub mod heatmap;
+mod held_rows;
+pub mod inspect;
+pub mod job;
+pub mod layers;
+pub mod memory;
+pub mod names;
+pub mod overlap;
+mod part_in_progress;
 pub mod pipeline;
+pub mod presets;
+pub mod rewrite;
+pub mod roles;
 pub mod row;
+pub mod samples;
+pub mod sequence;
+pub mod sink;
+pub mod source;
+pub mod stitch;
+pub mod variance;

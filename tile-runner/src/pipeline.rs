@@ -1,7 +1,7 @@
 //! From rows to rows, through a moving band.
 //!
 //! ```text
-//! rows of input          19 k - 9 ......................................... 19 (k + 2) + 10      Band
+//! rows of input          19 k - 9 ......................................... 19 (k + 2) + 10      HeldRows
 //!   weights, prefilter     19 (k - 1) .................. 19 (k + 2)                              3 x PreparedRows
 //!     cells of row k         19 k - 9 ......... 19 (k + 1) + 9                                   SumRows
 //!       rows of output         19 k - 9 .. 19 (k + 1) - 9
@@ -15,11 +15,11 @@ use std::ops::ControlFlow;
 
 use linpred_core::{CELL, HALO, Params, PixelState, resolve};
 
-use crate::band::Band;
 use crate::blocks::{BLOCK_HALO, PreparedRows};
 use crate::cells::{Neighbourhood, SumRows};
 use crate::dispatch::Level;
 use crate::error::Error;
+use crate::held_rows::HeldRows;
 use crate::row::{InputRow, OutputRow, RowLayout, RowSink, RowSource};
 
 /// How to run.
@@ -78,7 +78,7 @@ struct Frame {
     layout: RowLayout,
     params: Params,
     level: Level,
-    band: Band,
+    band: HeldRows,
     /// Prepared rows of the cells above, at and below the current row.
     prepared: [PreparedRows; 3],
     sums: SumRows,
@@ -94,7 +94,7 @@ impl Frame {
             layout,
             params,
             level: Level::detect(),
-            band: Band::new(layout),
+            band: HeldRows::new(layout),
             prepared: std::array::from_fn(|_| PreparedRows::new(layout.size)),
             sums: SumRows::new(layout.size),
             input: InputRow::new(&layout),

@@ -1,0 +1,113 @@
+//! The `linpred` command, run as a user runs it, and what is expected of it in sentences.
+
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+
+/// The path of the command, built for the profile that the tests were built for.
+///
+/// `cargo test` builds the binaries of a package only for that package's own integration tests, so it is asked here.
+pub fn linpred_path() -> &'static Path {
+    static PATH: OnceLock<PathBuf> = OnceLock::new();
+    PATH.get_or_init(|| {
+        let mut build = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+        build.args([
+            "build",
+            "--quiet",
+            "--package",
+            "linpred",
+            "--bin",
+            "linpred",
+        ]);
+        if !cfg!(debug_assertions) {
+            build.arg("--release");
+        }
+        let built = build.status().expect("cargo runs");
+        assert!(built.success(), "linpred does not build");
+        let test = std::env::current_exe().expect("a test has a path");
+        let profile = test
+            .ancestors()
+            .nth(2)
+            .expect("target/<profile>/deps/<test>");
+        profile
+            .join("linpred")
+            .with_extension(std::env::consts::EXE_EXTENSION)
+    })
+}
+
+/// Runs `linpred` with these arguments.
+pub fn linpred<A: AsRef<OsStr>>(arguments: impl IntoIterator<Item = A>) -> Ran {
+    let output = Command::new(linpred_path())
+        .args(arguments)
+        .output()
+        .expect("linpred runs");
+    Ran { output }
+}
+
+/// A finished run.
+#[derive(Debug)]
+pub struct Ran {
+    output: Output,
+}
+
+impl Ran {
+    /// Standard output.
+    pub fn stdout(&self) -> String {
+        String::from_utf8_lossy(&self.output.stdout).into_owned()
+    }
+
+    /// Standard error.
+    pub fn stderr(&self) -> String {
+        String::from_utf8_lossy(&self.output.stderr).into_owned()
+    }
+
+    /// The exit code; `None` if a signal ended it.
+    pub fn code(&self) -> Option<i32> {
+        self.output.status.code()
+    }
+
+    /// It ended with exit code 0.
+    #[track_caller]
+    pub fn succeeds(self) -> Self {
+        self.exits_with(0)
+    }
+
+    /// It ended with this exit code.
+    #[track_caller]
+    pub fn exits_with(self, code: i32) -> Self {
+        assert_eq!(
+            self.output.status.code(),
+            Some(code),
+            "standard error:\n{}",
+            self.stderr()
+        );
+        self
+    }
+
+    /// Standard error contains each of these.
+    #[track_caller]
+    pub fn complains_about(self, words: &[&str]) -> Self {
+        let stderr = self.stderr();
+        for word in words {
+            assert!(
+                stderr.contains(word),
+                "no {word:?} in standard error:\n{stderr}"
+            );
+        }
+        self
+    }
+
+    /// Standard output contains each of these.
+    #[track_caller]
+    pub fn prints(self, words: &[&str]) -> Self {
+        let stdout = self.stdout();
+        for word in words {
+            assert!(
+                stdout.contains(word),
+                "no {word:?} in standard output:\n{stdout}"
+            );
+        }
+        self
+    }
+}

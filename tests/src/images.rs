@@ -1,0 +1,162 @@
+//! Small EXR files for the tests, written and read back by the `exr` crate's own whole-image functions.
+
+use std::path::Path;
+
+use exr::prelude::*;
+
+/// A channel: its name and samples, row by row.
+pub type NamedSamples = (String, FlatSamples);
+
+/// A part of a test image.
+#[derive(Clone, Debug)]
+pub struct TestPart {
+    /// Its name; needed when there are several.
+    pub name: Option<&'static str>,
+    /// Its channels, in any order.
+    pub channels: Vec<NamedSamples>,
+    /// How it is stored.
+    pub encoding: Encoding,
+    /// Attributes of its own.
+    pub attributes: Vec<(&'static str, AttributeValue)>,
+}
+
+/// A number in 0..1 that looks random and depends on nothing but its arguments.
+pub fn noise(seed: u32, index: usize) -> f32 {
+    let mut x = (index as u32).wrapping_mul(0x9E37_79B9) ^ seed.wrapping_mul(0x85EB_CA6B);
+    x = (x ^ (x >> 16)).wrapping_mul(0x7FEB_352D);
+    x = (x ^ (x >> 15)).wrapping_mul(0x846C_A68B);
+    ((x ^ (x >> 16)) >> 8) as f32 / (1 << 24) as f32
+}
+
+/// A float channel of noise.
+pub fn float(name: &str, pixels: usize, seed: u32) -> NamedSamples {
+    (
+        name.into(),
+        FlatSamples::F32((0..pixels).map(|i| noise(seed, i)).collect()),
+    )
+}
+
+/// A half channel of noise.
+pub fn half(name: &str, pixels: usize, seed: u32) -> NamedSamples {
+    (
+        name.into(),
+        FlatSamples::F16((0..pixels).map(|i| f16::from_f32(noise(seed, i))).collect()),
+    )
+}
+
+/// A uint channel.
+pub fn uint(name: &str, pixels: usize) -> NamedSamples {
+    (name.into(), FlatSamples::U32((0..pixels as u32).collect()))
+}
+
+/// A float channel of one value.
+pub fn constant(name: &str, pixels: usize, value: f32) -> NamedSamples {
+    (name.into(), FlatSamples::F32(vec![value; pixels]))
+}
+
+/// Float channels R, G, B of noise.
+pub fn colour(pixels: usize) -> Vec<NamedSamples> {
+    ["R", "G", "B"]
+        .iter()
+        .zip(1..)
+        .map(|(name, seed)| float(name, pixels, seed))
+        .collect()
+}
+
+/// The colour, variances, all features, alpha and an object number: what a renderer writes.
+pub fn everything(pixels: usize) -> Vec<NamedSamples> {
+    let mut channels = colour(pixels);
+    for (seed, name) in (10..).zip(["variance.R", "variance.G", "variance.B", "Z"]) {
+        channels.push(float(name, pixels, seed));
+    }
+    for (seed, name) in (20..).zip(["N.X", "N.Y", "N.Z", "albedo.R", "albedo.G", "albedo.B", "A"]) {
+        channels.push(half(name, pixels, seed));
+    }
+    channels.push(uint("objectId", pixels));
+    channels
+}
+
+/// One part of scanlines, ZIP.
+pub fn part(channels: Vec<NamedSamples>) -> TestPart {
+    TestPart {
+        name: None,
+        channels,
+        encoding: Encoding {
+            compression: Compression::ZIP16,
+            blocks: Blocks::ScanLines,
+            line_order: LineOrder::Increasing,
+        },
+        attributes: Vec::new(),
+    }
+}
+
+/// Writes an image of the given size whose data window begins at (3, -5) in a display window of 100 x 80.
+pub fn write(path: &Path, size: (usize, usize), parts: Vec<TestPart>) {
+    let mut shared = ImageAttributes::new(IntegerBounds::from_dimensions((100, 80)));
+    shared.pixel_aspect = 1.25;
+    let layers: Vec<_> = parts
+        .into_iter()
+        .map(|part| {
+            let mut attributes = part.name.map(LayerAttributes::named).unwrap_or_default();
+            attributes.layer_position = Vec2(3, -5);
+            attributes.comments = Some("a comment".into());
+            attributes.other.extend(
+                part.attributes
+                    .into_iter()
+                    .map(|(name, value)| (name.into(), value)),
+            );
+            let channels = part
+                .channels
+                .into_iter()
+                .map(|(name, data)| AnyChannel::new(name.as_str(), data));
+            let channels = AnyChannels::sort(channels.collect());
+            Layer::new(size, attributes, part.encoding, channels)
+        })
+        .collect();
+    let image = Image {
+        attributes: shared,
+        layer_data: Layers::from(layers),
+    };
+    image
+        .write()
+        .non_parallel()
+        .to_file(path)
+        .expect("test image can be written");
+}
+
+/// Reads every channel of every part at full resolution.
+pub fn read(path: &Path) -> FlatImage {
+    exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .all_layers()
+        .all_attributes()
+        .non_parallel()
+        .from_file(path)
+        .expect("image can be read")
+}
+
+/// The samples of a channel of a part as bits, so that NaN and signed zeros compare.
+pub fn bits(image: &FlatImage, part: usize, name: &str) -> Vec<u32> {
+    let channels = &image.layer_data[part].channel_data.list;
+    let channel = channels
+        .iter()
+        .find(|c| c.name.eq(name))
+        .expect("channel is there");
+    match &channel.sample_data {
+        FlatSamples::F16(values) => values.iter().map(|v| u32::from(v.to_bits())).collect(),
+        FlatSamples::F32(values) => values.iter().map(|v| v.to_bits()).collect(),
+        FlatSamples::U32(values) => values.clone(),
+    }
+}
+
+/// The names of a part's channels, in file order.
+pub fn channel_names(image: &FlatImage, part: usize) -> Vec<String> {
+    image.layer_data[part]
+        .channel_data
+        .list
+        .iter()
+        .map(|c| c.name.to_string())
+        .collect()
+}

@@ -1,0 +1,42 @@
+//! Damaged and unusual files of the OpenEXR project end in a picture or in a clear error.
+
+use std::path::Path;
+
+use linpred_tests::command::linpred;
+
+/// The corpus lies beside the repository, where it is there at all; it is not ours to copy.
+const CORPUS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/exr-corpus");
+
+#[test]
+fn every_file_of_the_corpus_ends_in_a_picture_or_in_a_sentence() {
+    if !Path::new(CORPUS).exists() {
+        eprintln!("NOT TESTED: the corpus of damaged files is absent ({CORPUS})");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("out.exr");
+    let mut tried = 0;
+    for kind in ["damaged", "unusual"] {
+        for entry in std::fs::read_dir(Path::new(CORPUS).join(kind)).unwrap() {
+            let path = entry.unwrap().path();
+            let ran = linpred([Path::new("denoise"), &path, Path::new("-o"), &output]);
+            let stderr = ran.stderr();
+            let name = path.file_name().unwrap().to_string_lossy().into_owned();
+            assert!(!stderr.contains("panicked"), "{name}: {stderr}");
+            let code = ran.code();
+            assert!(
+                matches!(code, Some(0 | 3 | 4)),
+                "{name}: exit {code:?}: {stderr}"
+            );
+            if code != Some(0) {
+                assert!(
+                    stderr.contains("ERROR") && !output.exists(),
+                    "{name}: {stderr}"
+                );
+            }
+            let _ = std::fs::remove_file(&output);
+            tried += 1;
+        }
+    }
+    assert!(tried > 100, "only {tried} files");
+}

@@ -1,0 +1,209 @@
+//! The arguments as they are typed.
+
+use std::num::{NonZeroU32, NonZeroUsize};
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use linpred::band::Band;
+use linpred::memory::parse_size;
+use linpred::presets::PRESET_NAMES;
+use linpred::roles::Mapping;
+use linpred::sequence::parse_frames;
+
+/// Denoises Monte Carlo renders by linear predictions from their feature layers.
+#[derive(Debug, Parser)]
+#[command(
+    version,
+    after_help = "Exit codes: 0 done, 2 usage, 3 input, 4 memory budget, 1 anything else."
+)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+    #[command(flatten)]
+    pub(crate) log: LogArguments,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct LogArguments {
+    /// How messages are written to standard error
+    #[arg(long, value_enum, default_value_t = LogFormat::Text, global = true)]
+    pub(crate) log_format: LogFormat,
+    /// Say more
+    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
+    pub(crate) verbose: u8,
+    /// Say only what went wrong
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub(crate) quiet: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LogFormat {
+    Text,
+    Json,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Denoise an image
+    Denoise(DenoiseArguments),
+    /// Say what a file holds and which channel plays which role
+    Inspect(InspectArguments),
+    /// Measure how far an image is from a reference
+    Compare(CompareArguments),
+    /// Put the bands of a frame together
+    Stitch(StitchArguments),
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  linpred denoise noisy.exr -o clean.exr
+  linpred denoise noisy.exr -o clean.exr --quality high --error-layer
+  linpred denoise moments.exr -o clean.exr --preset mitsuba --spp 64
+  linpred denoise odd.exr -o clean.exr --map colour=main --map albedo=kd --map variance=none
+  linpred denoise first_half.exr --other-half second_half.exr -o clean.exr
+  linpred denoise 'shot.####.exr' -o 'clean.####.exr' --frames 1-100x2 --skip-existing")]
+pub(crate) struct DenoiseArguments {
+    #[command(flatten)]
+    pub(crate) input: InputArguments,
+    /// The denoised image; every channel that is not denoised is kept as it is
+    #[arg(short, long, value_name = "CLEAN.exr")]
+    pub(crate) output: PathBuf,
+    /// How much time to spend for how much accuracy
+    #[arg(long, value_enum, default_value_t = QualityName::Balanced)]
+    pub(crate) quality: QualityName,
+    /// The number behind --quality: how many models predict a pixel before no new one is built for it, 1 to 361
+    #[arg(long, value_name = "MODELS", value_parser = clap::value_parser!(u16).range(1..=361))]
+    pub(crate) coverage: Option<u16>,
+    /// Add the channel linpred.error: the estimated mean squared error of each pixel
+    #[arg(long)]
+    pub(crate) error_layer: bool,
+    /// Add the channels linpred.radius and linpred.rank: the size and the rank of the models behind each pixel
+    #[arg(long)]
+    pub(crate) models_layer: bool,
+    /// Threads that compute; the result does not depend on it [default: all processors]
+    #[arg(long, value_name = "N")]
+    pub(crate) threads: Option<NonZeroUsize>,
+    /// Memory that may be used, such as 256M; a job that needs more is refused before it begins [default: 2G]
+    #[arg(long, value_name = "SIZE", value_parser = parse_size)]
+    pub(crate) max_memory: Option<u64>,
+    /// Frames of a sequence, such as 1-100x2,205; the file names hold ####, %04d or $F4 for the number [default: those that
+    /// exist]
+    #[arg(long, value_name = "FRAMES", value_parser = parse_frames)]
+    pub(crate) frames: Option<std::vec::Vec<u32>>,
+    /// Leave frames alone whose output exists
+    #[arg(long)]
+    pub(crate) skip_existing: bool,
+    /// Only the i-th of N bands of the frame, with the bits that the whole frame would have; see 'linpred stitch'
+    #[arg(long, value_name = "i/N", value_parser = Band::parse)]
+    pub(crate) band: Option<Band>,
+    /// Print the plan (roles, memory) and do nothing
+    #[arg(long)]
+    pub(crate) dry_run: bool,
+    /// How progress is shown on standard error: a bar on a terminal, nothing on a pipe, unless said otherwise
+    #[arg(long, value_enum, default_value_t = ProgressStyle::Auto)]
+    pub(crate) progress: ProgressStyle,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct InputArguments {
+    /// The noisy image
+    #[arg(value_name = "NOISY.exr")]
+    pub(crate) noisy: PathBuf,
+    /// Whose channel names to expect
+    #[arg(long, value_parser = PRESET_NAMES, default_value = "auto")]
+    pub(crate) preset: String,
+    /// Give a role to a layer or channel; wins over the preset; 'none' leaves the role empty. Roles: colour, albedo, normal,
+    /// depth, variance, sample-variance, second-moment, albedo-variance, normal-variance, depth-variance, half-a, half-b,
+    /// samples
+    #[arg(long, value_name = "ROLE=CHANNEL", value_parser = Mapping::parse)]
+    pub(crate) map: Vec<Mapping>,
+    /// Samples per pixel, where the file does not state them or states them wrongly
+    #[arg(long, value_name = "N")]
+    pub(crate) spp: Option<NonZeroU32>,
+    /// The image from the other half of the samples: the two are averaged, their difference gives the variance
+    #[arg(long, value_name = "SECOND.exr")]
+    pub(crate) other_half: Option<PathBuf>,
+    /// More layers to denoise, with the models of the colour, so that they still sum up: 'diffuse,light_*'
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub(crate) layers: Vec<String>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  linpred inspect noisy.exr
+  linpred inspect noisy.exr --json
+  linpred inspect noisy.exr --map albedo=kd        what would be used with this option")]
+pub(crate) struct InspectArguments {
+    #[command(flatten)]
+    pub(crate) input: InputArguments,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+The relative error is the mean over pixels and channels of ((a - f)^2 - var f) / (f^2 + 0.01), where var f is the reference's own
+variance of the mean, read from its channels variance.R, variance.G and variance.B if it has them.
+
+Examples:
+  linpred compare clean.exr reference.exr
+  linpred compare clean.exr reference.exr --heatmap where.png --json")]
+pub(crate) struct CompareArguments {
+    /// The image
+    #[arg(value_name = "CLEAN.exr")]
+    pub(crate) image: PathBuf,
+    /// What it should be
+    #[arg(value_name = "REFERENCE.exr")]
+    pub(crate) reference: PathBuf,
+    /// Write a picture of the relative error: black 1e-4 or less, white 1 or more, cyan not a number
+    #[arg(long, value_name = "OUT.png")]
+    pub(crate) heatmap: Option<PathBuf>,
+    /// Which layer is the colour, as for denoise (--map colour=LAYER)
+    #[arg(long, value_name = "ROLE=CHANNEL", value_parser = Mapping::parse)]
+    pub(crate) map: Vec<Mapping>,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  linpred denoise noisy.exr -o band1.exr --band 1/2       on one machine
+  linpred denoise noisy.exr -o band2.exr --band 2/2       on another
+  linpred stitch band*.exr -o clean.exr")]
+pub(crate) struct StitchArguments {
+    /// The bands, in any order
+    #[arg(value_name = "BAND.exr", required = true)]
+    pub(crate) bands: Vec<PathBuf>,
+    /// The frame
+    #[arg(short, long, value_name = "CLEAN.exr")]
+    pub(crate) output: PathBuf,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum QualityName {
+    /// One model per pixel
+    Fast,
+    /// Four
+    Balanced,
+    /// Sixteen
+    High,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ProgressStyle {
+    /// A bar on a terminal, nothing elsewhere
+    Auto,
+    /// A bar
+    Tty,
+    /// A line for every tenth
+    Plain,
+    /// A JSON object for every hundredth
+    Json,
+    /// Nothing
+    None,
+}

@@ -1,0 +1,201 @@
+//! `linpred denoise`.
+
+use std::io::Write;
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+use linpred::error::Error;
+use linpred::job::{self, Input, InputRequest, JobOptions, Summary};
+use linpred::memory::DEFAULT_LIMIT;
+use linpred::pipeline::Options;
+use linpred::presets::Preset;
+use linpred::rewrite::ExtraLayers;
+use linpred::roles::RoleRequest;
+use linpred_core::{Params, Quality};
+
+use super::args::{
+    DenoiseArguments, InputArguments, LogArguments, LogFormat, ProgressStyle, QualityName,
+};
+use super::exit;
+use super::frames;
+use super::progress::Progress;
+use super::stop;
+
+/// Denoises one image, or the frames of a sequence.
+pub(crate) fn run(arguments: DenoiseArguments, log: &LogArguments) -> Result<ExitCode, Error> {
+    let run = Run {
+        options: options(&arguments),
+        skip_existing: arguments.skip_existing,
+        dry_run: arguments.dry_run,
+        progress: arguments.progress,
+        log_format: log.log_format,
+        stop: stop::on_signals(),
+    };
+    let request = request(arguments.input);
+    match frames::find(&request, &arguments.output, arguments.frames)? {
+        None => run
+            .image(&request, &arguments.output)
+            .map(|()| ExitCode::SUCCESS),
+        Some(frames) => run.sequence(&frames),
+    }
+}
+
+/// What is the same for every frame.
+struct Run {
+    options: JobOptions,
+    skip_existing: bool,
+    dry_run: bool,
+    progress: ProgressStyle,
+    log_format: LogFormat,
+    stop: Arc<AtomicBool>,
+}
+
+impl Run {
+    fn image(&self, request: &InputRequest, output: &Path) -> Result<(), Error> {
+        if self.skip_existing && output.exists() {
+            tracing::info!("{} exists, skipped", output.display());
+            return Ok(());
+        }
+        let started = Instant::now();
+        let input = Input::open(request)?;
+        if self.dry_run {
+            return dry_run(&input, &self.options);
+        }
+        announce(&input, &self.options)?;
+        let label = request.path.display().to_string();
+        let mut progress = Progress::new(self.progress, input.height(), label);
+        let mut told = |rows| progress.set(rows);
+        let result = job::denoise(&input, output, &self.options, &self.stop, &mut told);
+        progress.end();
+        report(&result?, started, self.log_format, output);
+        Ok(())
+    }
+
+    /// A frame that fails does not stop the others; the first failure's exit code is the sequence's.
+    fn sequence(&self, frames: &[(InputRequest, PathBuf)]) -> Result<ExitCode, Error> {
+        let mut failures = Vec::new();
+        for (request, output) in frames {
+            match self.image(request, output) {
+                Ok(()) => {}
+                Err(error @ Error::Cancelled) => return Err(error),
+                Err(error) => {
+                    tracing::error!("{error}");
+                    failures.push(exit::code(&error));
+                }
+            }
+        }
+        match failures.first() {
+            None => Ok(ExitCode::SUCCESS),
+            Some(&code) => {
+                tracing::error!("{} of {} frames failed", failures.len(), frames.len());
+                Ok(ExitCode::from(code))
+            }
+        }
+    }
+}
+
+fn options(arguments: &DenoiseArguments) -> JobOptions {
+    let mut params = Params::new(match arguments.quality {
+        QualityName::Fast => Quality::Fast,
+        QualityName::Balanced => Quality::Balanced,
+        QualityName::High => Quality::High,
+    });
+    if let Some(coverage) = arguments.coverage {
+        params.coverage = coverage;
+    }
+    let all = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
+    JobOptions {
+        pipeline: Options {
+            params,
+            threads: arguments.threads.unwrap_or_else(all),
+        },
+        extra: ExtraLayers {
+            error: arguments.error_layer,
+            models: arguments.models_layer,
+        },
+        memory_limit: arguments.max_memory.unwrap_or(DEFAULT_LIMIT),
+        band: arguments.band,
+    }
+}
+
+/// What the input arguments ask for.
+pub(crate) fn request(arguments: InputArguments) -> InputRequest {
+    InputRequest {
+        path: arguments.noisy,
+        other_half: arguments.other_half,
+        roles: RoleRequest {
+            preset: Preset::named(&arguments.preset),
+            map: arguments.map,
+            spp: arguments.spp.map(|spp| spp.get()),
+            other_half: None,
+        },
+        layers: arguments.layers,
+    }
+}
+
+/// Says what a user should know before the job begins.
+fn announce(input: &Input, options: &JobOptions) -> Result<(), Error> {
+    for assignment in &input.roles.assignments {
+        tracing::debug!("{}: {}", assignment.role.name(), assignment.rule);
+    }
+    for note in &input.roles.notes {
+        tracing::info!("{note}");
+    }
+    for note in input.rewrite(options.extra)?.notes {
+        tracing::warn!("{note}");
+    }
+    Ok(())
+}
+
+fn dry_run(input: &Input, options: &JobOptions) -> Result<(), Error> {
+    let plan = job::memory_plan(input, &input.rewrite(options.extra)?, options)?;
+    let inspection = linpred::inspect::describe(input);
+    // nobody is left to be told when standard output is closed
+    let _ = write!(std::io::stdout(), "{inspection}memory:\n{plan}\n");
+    plan.check(options.memory_limit)
+}
+
+fn report(summary: &Summary, started: Instant, format: LogFormat, output: &Path) {
+    let seconds = started.elapsed().as_secs_f64();
+    let done = &summary.report;
+    if summary.clamped > 0 {
+        tracing::warn!(
+            "{} samples are too large for half precision and were set to 65504; a float channel would hold them",
+            summary.clamped
+        );
+    }
+    if summary.layers_off > 0 {
+        tracing::warn!(
+            "the layers do not sum to the colour at {} of {} pixels, in the input already",
+            summary.layers_off,
+            done.pixels
+        );
+    }
+    match format {
+        LogFormat::Json => tracing::info!(
+            output = %output.display(),
+            pixels = done.pixels,
+            models = done.models,
+            passed_through = done.passed_through,
+            repaired = done.repaired,
+            clamped = summary.clamped,
+            seconds,
+            "denoised"
+        ),
+        LogFormat::Text => {
+            let share = |count: u64| 100.0 * count as f64 / done.pixels as f64;
+            tracing::info!(
+                "{}: {} pixels, models for {:.1} %, {:.1} % passed through, {} repaired, {seconds:.2} s",
+                output.display(),
+                done.pixels,
+                share(done.models),
+                share(done.passed_through),
+                done.repaired
+            );
+        }
+    }
+}

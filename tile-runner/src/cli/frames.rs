@@ -1,0 +1,52 @@
+//! The frames that a command asks for.
+
+use std::path::{Path, PathBuf};
+
+use linpred::error::Error;
+use linpred::job::InputRequest;
+use linpred::sequence::FramePattern;
+
+/// Input and output of each frame; `None` when the names hold no place for a frame number.
+pub(crate) fn find(
+    request: &InputRequest,
+    output: &Path,
+    wanted: Option<Vec<u32>>,
+) -> Result<Option<Vec<(InputRequest, PathBuf)>>, Error> {
+    let outputs = FramePattern::parse(output);
+    let Some(inputs) = FramePattern::parse(&request.path) else {
+        return match wanted {
+            None => Ok(None),
+            Some(_) => Err(Error::Usage(format!(
+                "--frames: {} has no place for the frame number (####, %04d or $F4)",
+                request.path.display()
+            ))),
+        };
+    };
+    let outputs = outputs.ok_or_else(|| {
+            Error::Usage(format!(
+                "{} is a sequence, so the output {} needs a place for the frame number too (####, %04d or $F4)",
+                request.path.display(),
+                output.display()
+            ))
+        })?;
+    let frames = match wanted {
+        Some(frames) => frames,
+        None => inputs.existing()?,
+    };
+    if frames.is_empty() {
+        return Err(Error::Invalid(format!(
+            "{}: no such frames",
+            request.path.display()
+        )));
+    }
+    let others = request.other_half.as_deref().and_then(FramePattern::parse);
+    let frame = |frame| {
+        let mut request = request.clone();
+        request.path = inputs.path(frame);
+        if let Some(others) = &others {
+            request.other_half = Some(others.path(frame));
+        }
+        (request, outputs.path(frame))
+    };
+    Ok(Some(frames.into_iter().map(frame).collect()))
+}

@@ -1,0 +1,12 @@
+//! Arguments in, exit code out.
+
+pub(crate) mod args;
+pub(crate) mod compare;
+pub(crate) mod denoise;
+pub(crate) mod exit;
+pub(crate) mod frames;
+pub(crate) mod inspect;
+pub(crate) mod log;
+pub(crate) mod progress;
+pub(crate) mod stitch;
+pub(crate) mod stop;

@@ -1,0 +1,22 @@
+//! `linpred stitch`.
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use linpred::error::Error;
+use linpred::stitch::stitch;
+
+use super::args::StitchArguments;
+use super::stop;
+
+/// Puts the bands of a frame together.
+pub(crate) fn run(arguments: StitchArguments) -> Result<ExitCode, Error> {
+    let bands: Vec<&Path> = arguments.bands.iter().map(AsRef::as_ref).collect();
+    stitch(&bands, &arguments.output, &stop::on_signals())?;
+    tracing::info!(
+        "{}: stitched from {} bands",
+        arguments.output.display(),
+        bands.len()
+    );
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,165 @@
+//! A part's pixels as rows, with one row of blocks in memory.
+
+use std::sync::Arc;
+
+use exr::meta::attribute::{IntegerBounds, SampleType};
+use half::f16;
+use half::slice::HalfFloatSliceExt;
+
+use super::reader::ExrFile;
+use crate::error::Error;
+
+/// Refuses what cannot be decoded: [`Error::Unsupported`] if a part's pixels are of a kind that is not, [`Error::Budget`] if
+/// one row of its blocks takes more than `limit` bytes.
+pub fn check_decodable(file: &ExrFile, part: usize, limit: u64) -> Result<(), Error> {
+    let described = &file.parts()[part];
+    let (path, label) = (file.path().display(), described.label());
+    if let Some(refusal) = &described.refusal {
+        return Err(Error::Unsupported(format!("{path}: {label}: {refusal}")));
+    }
+    if described.block_row_bytes() > limit {
+        return Err(Error::Budget(format!(
+            "{path}: {label}: one row of blocks ({} rows of {} pixels, {} channels, {}) takes {} MiB, the limit is {} MiB",
+            described
+                .grid
+                .block_height()
+                .min(described.header.layer_size.1),
+            described.header.layer_size.0,
+            described.header.channels.list.len(),
+            described.header.compression,
+            described.block_row_bytes() >> 20,
+            limit >> 20,
+        )));
+    }
+    Ok(())
+}
+
+/// Reads rows of one part, in any order; cheapest from top to bottom.
+#[derive(Debug)]
+pub struct PartRows {
+    file: Arc<ExrFile>,
+    part: usize,
+    /// Bytes of the channels before each channel, per pixel.
+    starts: Vec<usize>,
+    types: Vec<SampleType>,
+    /// Which row of blocks is decoded.
+    current: Option<usize>,
+    blocks: Vec<Block>,
+    scratch: Vec<u8>,
+}
+
+#[derive(Debug)]
+struct Block {
+    bounds: IntegerBounds,
+    bytes: Vec<u8>,
+}
+
+impl PartRows {
+    /// Rows of a part. Errors as for [`check_decodable`].
+    pub fn new(file: Arc<ExrFile>, part: usize, limit: u64) -> Result<Self, Error> {
+        check_decodable(&file, part, limit)?;
+        let described = &file.parts()[part];
+        let channels = &described.header.channels;
+        let starts = channels
+            .channels_with_byte_offset()
+            .map(|(start, _)| start)
+            .collect();
+        let types = channels
+            .list
+            .iter()
+            .map(|channel| channel.sample_type)
+            .collect();
+        Ok(Self {
+            file,
+            part,
+            starts,
+            types,
+            current: None,
+            blocks: Vec::new(),
+            scratch: Vec::new(),
+        })
+    }
+
+    /// The part's number in its file.
+    pub fn part(&self) -> usize {
+        self.part
+    }
+
+    /// Writes the samples of `channel` in row `y` to `out`, in native byte order; `out` is as long as they are.
+    pub fn copy_row(&mut self, channel: usize, y: usize, out: &mut [u8]) -> Result<(), Error> {
+        self.load(y)?;
+        let size = self.types[channel].bytes_per_sample();
+        for block in &self.blocks {
+            let samples = self.line(block, channel, y);
+            let start = block.bounds.position.0 as usize * size;
+            out[start..start + samples.len()].copy_from_slice(samples);
+        }
+        Ok(())
+    }
+
+    /// Writes the samples of `channel` in row `y` to `out` as `f32`; `out` has the width of the data window. Integers are
+    /// rounded to the nearest `f32`.
+    pub fn read_row(&mut self, channel: usize, y: usize, out: &mut [f32]) -> Result<(), Error> {
+        let kind = self.types[channel];
+        let mut scratch = std::mem::take(&mut self.scratch);
+        scratch.resize(out.len() * kind.bytes_per_sample(), 0);
+        let result = self.copy_row(channel, y, &mut scratch);
+        if result.is_ok() {
+            decode_samples(kind, &scratch, out);
+        }
+        self.scratch = scratch;
+        result
+    }
+
+    /// Decodes the row of blocks that holds row `y`, if it is not the current one.
+    fn load(&mut self, y: usize) -> Result<(), Error> {
+        let grid = self.file.parts()[self.part].grid;
+        let row = grid.block_row(y);
+        if self.current == Some(row) {
+            return Ok(());
+        }
+        self.current = None;
+        self.blocks.clear();
+        for column in 0..grid.columns() {
+            self.blocks.push(Block {
+                bounds: grid.bounds(column, row),
+                bytes: self.file.decode_block(self.part, column, row)?,
+            });
+        }
+        self.current = Some(row);
+        Ok(())
+    }
+
+    fn line<'a>(&self, block: &'a Block, channel: usize, y: usize) -> &'a [u8] {
+        let width = block.bounds.size.0;
+        let bytes_per_pixel = self.file.parts()[self.part].header.channels.bytes_per_pixel;
+        let line = (y - block.bounds.position.1 as usize) * width * bytes_per_pixel;
+        let start = line + width * self.starts[channel];
+        &block.bytes[start..start + width * self.types[channel].bytes_per_sample()]
+    }
+}
+
+fn decode_samples(kind: SampleType, bytes: &[u8], out: &mut [f32]) {
+    match kind {
+        SampleType::F32 => {
+            for (value, sample) in out.iter_mut().zip(bytes.chunks_exact(4)) {
+                *value = f32::from_ne_bytes([sample[0], sample[1], sample[2], sample[3]]);
+            }
+        }
+        SampleType::U32 => {
+            for (value, sample) in out.iter_mut().zip(bytes.chunks_exact(4)) {
+                *value = u32::from_ne_bytes([sample[0], sample[1], sample[2], sample[3]]) as f32;
+            }
+        }
+        SampleType::F16 => {
+            // converted in runs: the slice conversion uses the processor's instructions where it has them
+            let mut halves = [f16::ZERO; 256];
+            for (values, samples) in out.chunks_mut(256).zip(bytes.chunks(512)) {
+                for (half, sample) in halves.iter_mut().zip(samples.chunks_exact(2)) {
+                    *half = f16::from_ne_bytes([sample[0], sample[1]]);
+                }
+                halves[..values.len()].convert_to_f32_slice(values);
+            }
+        }
+    }
+}

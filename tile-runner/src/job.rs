@@ -1,0 +1,329 @@
+//! One file denoised into another.
+
+use std::collections::BTreeSet;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::band::{Band, BandSink, BandSource};
+use crate::error::Error;
+use crate::exr_file::ExrFile;
+use crate::layers::{self, Layer};
+use crate::memory::MemoryPlan;
+use crate::names::ChannelNames;
+use crate::overlap::{ROWS_IN_FLIGHT, ReadAhead, WriteBehind};
+use crate::pipeline::{self, Options, Report};
+use crate::rewrite::{ExtraLayers, Rewrite};
+use crate::roles::{RoleRequest, Roles, resolve};
+use crate::row::{FEATURES, RowSink, RowSource};
+use crate::sink::ExrSink;
+use crate::source::ExrSource;
+
+/// Which channels of which files.
+#[derive(Clone, Debug, Default)]
+pub struct InputRequest {
+    /// The noisy image.
+    pub path: PathBuf,
+    /// The image from the other half of the samples, if the noisy image is from one half.
+    pub other_half: Option<PathBuf>,
+    /// How roles are assigned.
+    pub roles: RoleRequest,
+    /// Names, with `*` and `?`, of layers to denoise with the models of the colour.
+    pub layers: Vec<String>,
+}
+
+/// An opened input whose channels have their roles.
+#[derive(Clone, Debug)]
+pub struct Input {
+    /// The files, and their channels by name.
+    pub names: ChannelNames,
+    /// Which channel does what.
+    pub roles: Roles,
+    /// The layers to be denoised beside the colour.
+    pub layers: Vec<Layer>,
+}
+
+impl Input {
+    /// Opens the files and assigns the roles.
+    pub fn open(request: &InputRequest) -> Result<Self, Error> {
+        let mut names = ChannelNames::new(Arc::new(ExrFile::open(&request.path)?));
+        let mut roles = request.roles.clone();
+        if let Some(path) = &request.other_half {
+            if same_file::is_same_file(path, &request.path).unwrap_or(false) {
+                return Err(Error::Usage(format!(
+                    "--other-half {} is the noisy image itself",
+                    path.display()
+                )));
+            }
+            roles.other_half = Some(names.add(Arc::new(ExrFile::open(path)?)));
+        }
+        let roles = resolve(&names, &roles)?;
+        let layers = layers::select(&names, &roles, &request.layers)?;
+        Ok(Self {
+            names,
+            roles,
+            layers,
+        })
+    }
+
+    /// The noisy image.
+    pub fn file(&self) -> &Arc<ExrFile> {
+        &self.names.files()[0]
+    }
+
+    /// Rows of the image.
+    pub fn height(&self) -> usize {
+        let at = self.roles.colour[0];
+        self.names.files()[at.file].parts()[at.part]
+            .header
+            .layer_size
+            .1
+    }
+
+    /// Columns of the image.
+    pub fn width(&self) -> usize {
+        let at = self.roles.colour[0];
+        self.names.files()[at.file].parts()[at.part]
+            .header
+            .layer_size
+            .0
+    }
+
+    /// A source of its rows (see [`ExrSource::new`]).
+    pub fn source(&self, limit: u64) -> Result<ExrSource, Error> {
+        let layers = self
+            .layers
+            .iter()
+            .map(|layer| (layer.channels, layer.variance))
+            .collect();
+        ExrSource::new(self.names.files(), &self.roles, layers, limit)
+    }
+
+    /// The output file that denoising it makes.
+    pub fn rewrite(&self, extra: ExtraLayers) -> Result<Rewrite, Error> {
+        let layers: Vec<_> = self.layers.iter().map(|layer| layer.channels).collect();
+        Rewrite::plan(self.file(), &self.roles.colour, &layers, extra)
+    }
+}
+
+/// How to denoise.
+#[derive(Clone, Copy, Debug)]
+pub struct JobOptions {
+    /// What to compute, on how many threads.
+    pub pipeline: Options,
+    /// What to write beside the colour.
+    pub extra: ExtraLayers,
+    /// Bytes of memory that may be used.
+    pub memory_limit: u64,
+    /// Only this band of the frame.
+    pub band: Option<Band>,
+}
+
+/// What a job did.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Summary {
+    /// What the pipeline counted.
+    pub report: Report,
+    /// Samples that half precision cannot hold, clamped to its largest value.
+    pub clamped: u64,
+    /// Pixels whose extra layers do not sum to the colour in the input (so they cannot in the output).
+    pub layers_off: u64,
+}
+
+/// What denoising `input` will hold in memory: file blocks, and the pipeline's bands of rows.
+pub fn memory_plan(
+    input: &Input,
+    rewrite: &Rewrite,
+    options: &JobOptions,
+) -> Result<MemoryPlan, Error> {
+    let mut plan = MemoryPlan::default();
+    let roles = &input.roles;
+    let mut parts = BTreeSet::new();
+    for assignment in &roles.assignments {
+        parts.extend(assignment.channels.iter().map(|at| (at.file, at.part)));
+    }
+    parts.extend(
+        input
+            .layers
+            .iter()
+            .flat_map(|layer| layer.channels.map(|at| (at.file, at.part))),
+    );
+    for (file, part) in parts {
+        let part = &input.names.files()[file].parts()[part];
+        // decoded, and once more while one block of it is being decoded
+        let bytes = part
+            .block_row_bytes()
+            .saturating_add(part.block_bytes().saturating_mul(2));
+        plan.add(format!("reading {}", block_description(part)), bytes);
+    }
+    for part in &rewrite.rewritten {
+        let source = &input.file().parts()[part.index];
+        let rows = part.grid.block_height().min(part.header.layer_size.1) as u64;
+        let columns = part.grid.columns() as u64;
+        let block_row = |bytes: u64| {
+            rows.saturating_mul(source.header.layer_size.0 as u64)
+                .saturating_mul(bytes)
+        };
+        plan.add(
+            format!("denoised rows of {}", source.label()),
+            block_row(part.denoised_bytes()),
+        );
+        // a block of the input, one of the output, and the latter's copies while it is compressed
+        let block = block_row(part.header.channels.bytes_per_pixel as u64).div_ceil(columns);
+        let other_blocks = part.grid.block_height() != source.grid.block_height();
+        let kept = if other_blocks {
+            source.block_row_bytes()
+        } else {
+            0
+        };
+        let bytes = kept.saturating_add(source.block_bytes().saturating_mul(2));
+        plan.add(
+            format!("writing {}", block_description(source)),
+            bytes.saturating_add(block.saturating_mul(4)),
+        );
+    }
+    let tables: u64 = input
+        .names
+        .files()
+        .iter()
+        .flat_map(|file| file.parts())
+        .map(|part| part.header.chunk_count as u64)
+        .sum();
+    plan.add("offset tables", tables.saturating_mul(16));
+    plan.add("computing", pipeline_bytes(input, options));
+    if options.pipeline.threads.get() > 1 {
+        let planes = 6 + 2 * FEATURES + 6 + 6 * input.layers.len();
+        let row = (input.width() as u64).saturating_mul(4 * planes as u64);
+        plan.add(
+            "rows read ahead and written behind",
+            row.saturating_mul(ROWS_IN_FLIGHT as u64 + 2),
+        );
+    }
+    Ok(plan)
+}
+
+/// Rows of planes that the pipeline holds: its windows look 9 rows up and down around 19 rows of cells, on prefiltered
+/// features with a halo of their own.
+const PIPELINE_ROWS: u64 = 96;
+/// Planes of an input row and of the sums that are blended into an output row.
+const PIPELINE_PLANES: u64 = 40;
+
+fn pipeline_bytes(input: &Input, options: &JobOptions) -> u64 {
+    let width = input.width() as u64;
+    let planes = PIPELINE_PLANES + 6 * input.layers.len() as u64;
+    let threads = options.pipeline.threads.get() as u64;
+    width
+        .saturating_mul(4 * PIPELINE_ROWS * planes)
+        .saturating_add(threads << 20)
+}
+
+fn block_description(part: &crate::exr_file::Part) -> String {
+    format!(
+        "{} ({} blocks of {} rows x {} channels)",
+        part.label(),
+        part.header
+            .compression
+            .to_string()
+            .replace(" compression", ""),
+        part.grid.block_height().min(part.header.layer_size.1),
+        part.header.channels.list.len()
+    )
+}
+
+/// Refuses an `output` that is one of the inputs, by whatever name, or whose unfinished file would be.
+pub fn check_output(output: &Path, inputs: &[&Path]) -> Result<(), Error> {
+    let mut unfinished = output.as_os_str().to_owned();
+    unfinished.push(".part");
+    for input in inputs {
+        let same = |path: &Path| same_file::is_same_file(path, input).unwrap_or(false);
+        if same(output) || same(Path::new(&unfinished)) {
+            return Err(Error::Usage(format!(
+                "the output {} is the input {}: the input is read until the end, so it cannot be replaced on the way",
+                output.display(),
+                input.display()
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Denoises `input` into `output`. `progress` is told how many rows have been written; the job ends
+/// with [`Error::Cancelled`] soon after `stop` is set, and leaves nothing behind.
+pub fn denoise(
+    input: &Input,
+    output: &Path,
+    options: &JobOptions,
+    stop: &Arc<AtomicBool>,
+    progress: &mut dyn FnMut(usize),
+) -> Result<Summary, Error> {
+    let inputs: Vec<&Path> = input.names.files().iter().map(|file| file.path()).collect();
+    check_output(output, &inputs)?;
+    let mut rewrite = input.rewrite(options.extra)?;
+    memory_plan(input, &rewrite, options)?.check(options.memory_limit)?;
+    let rows = match options.band {
+        Some(band) => band.restrict(&mut rewrite, input.file())?,
+        None => 0..input.height(),
+    };
+    let mut source = BandSource::new(input.source(options.memory_limit)?, &rows);
+    let within = rows.start - source.first()..rows.end - source.first();
+    let limit = options.memory_limit;
+    let sink = ExrSink::create(output, input.file().clone(), rewrite, limit, stop.clone())?;
+    let mut sink = BandSink::new(sink, within.clone());
+    let mut told = |done: usize| {
+        progress(done.min(within.end).saturating_sub(within.start));
+        if stop.load(Ordering::Relaxed) {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
+    };
+    let report = run(&mut source, &mut sink, &options.pipeline, &mut told)?;
+    let clamped = sink.into_inner().finish()?;
+    Ok(Summary {
+        report,
+        clamped,
+        layers_off: source.inner().layers_off(),
+    })
+}
+
+/// Runs the pipeline; reads ahead and writes behind it if it may use more than one thread.
+fn run(
+    source: &mut dyn RowSource,
+    sink: &mut dyn RowSink,
+    options: &Options,
+    progress: &mut dyn FnMut(usize) -> ControlFlow<()>,
+) -> Result<Report, Error> {
+    if options.threads.get() == 1 {
+        return pipeline::denoise(source, sink, options, progress);
+    }
+    std::thread::scope(|scope| {
+        let mut ahead = ReadAhead::start(scope, source);
+        let mut behind = WriteBehind::start(scope, sink);
+        let report = pipeline::denoise(&mut ahead, &mut behind, options, progress);
+        drop(ahead);
+        // what went wrong at the far end is the reason for what the pipeline saw
+        behind.finish()?;
+        report
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_output_may_not_be_the_input_by_another_name() {
+        let folder = std::env::temp_dir().join(format!("linpred-same-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let (input, link) = (folder.join("in.exr"), folder.join("link.exr"));
+        std::fs::write(&input, b"x").unwrap();
+        std::fs::hard_link(&input, &link).unwrap();
+        assert!(matches!(
+            check_output(&link, &[&input]),
+            Err(Error::Usage(_))
+        ));
+        assert!(check_output(&folder.join("out.exr"), &[&input]).is_ok());
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+}

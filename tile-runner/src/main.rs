@@ -1,0 +1,25 @@
+//! The command line of linpred: `linpred denoise | inspect | compare | stitch`.
+
+mod cli;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+fn main() -> ExitCode {
+    let arguments = cli::args::Arguments::parse();
+    cli::log::start(&arguments.log);
+    let result = match arguments.command {
+        cli::args::Command::Denoise(denoise) => cli::denoise::run(denoise, &arguments.log),
+        cli::args::Command::Inspect(inspect) => cli::inspect::run(inspect),
+        cli::args::Command::Compare(compare) => cli::compare::run(compare),
+        cli::args::Command::Stitch(stitch) => cli::stitch::run(stitch),
+    };
+    match result {
+        Ok(code) => code,
+        Err(error) => {
+            tracing::error!("{error}");
+            ExitCode::from(cli::exit::code(&error))
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! What a run will hold in memory, planned before anything is allocated.
+
+use std::fmt;
+
+use crate::error::Error;
+
+/// What a run may use when nothing else is said: what a render node has to spare.
+pub const DEFAULT_LIMIT: u64 = 2 << 30;
+
+/// The memory of a run, by what it is for.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct MemoryPlan {
+    entries: Vec<(String, u64)>,
+}
+
+impl MemoryPlan {
+    /// Adds a use of memory.
+    pub fn add(&mut self, what: impl Into<String>, bytes: u64) {
+        self.entries.push((what.into(), bytes));
+    }
+
+    /// What uses how many bytes.
+    pub fn entries(&self) -> &[(String, u64)] {
+        &self.entries
+    }
+
+    /// The sum, saturating.
+    pub fn total(&self) -> u64 {
+        self.entries
+            .iter()
+            .fold(0, |sum, (_, bytes)| sum.saturating_add(*bytes))
+    }
+
+    /// [`Error::Budget`], naming what costs most, if the sum is above `limit`.
+    pub fn check(&self, limit: u64) -> Result<(), Error> {
+        if self.total() <= limit {
+            return Ok(());
+        }
+        let most = self.entries.iter().max_by_key(|(_, bytes)| *bytes);
+        let most = most.map_or(String::new(), |(what, bytes)| {
+            format!("; most of it is {what}: {}", mebibytes(*bytes))
+        });
+        Err(Error::Budget(format!(
+            "needs {} of memory, --max-memory is {}{most}",
+            mebibytes(self.total()),
+            mebibytes(limit)
+        )))
+    }
+}
+
+impl fmt::Display for MemoryPlan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (what, bytes) in &self.entries {
+            writeln!(f, "{:>12}  {what}", mebibytes(*bytes))?;
+        }
+        write!(f, "{:>12}  in all", mebibytes(self.total()))
+    }
+}
+
+/// Bytes for people, rounded up so that nothing is free.
+fn mebibytes(bytes: u64) -> String {
+    let tenths = (u128::from(bytes) * 10).div_ceil(1 << 20);
+    format!("{}.{} MiB", tenths / 10, tenths % 10)
+}
+
+/// Parses a size: a number of bytes, or one with K, M, G or T after it (powers of 1024). [`Error::Usage`] otherwise.
+pub fn parse_size(text: &str) -> Result<u64, Error> {
+    let usage = || Error::Usage(format!("{text:?} is not a size; write 256M or 2G"));
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let power = match text[digits.len()..]
+        .to_ascii_uppercase()
+        .trim_end_matches('B')
+        .trim_end_matches('I')
+    {
+        "" => 0,
+        "K" => 1,
+        "M" => 2,
+        "G" => 3,
+        "T" => 4,
+        _ => return Err(usage()),
+    };
+    let number: u64 = digits.parse().map_err(|_| usage())?;
+    number
+        .checked_mul(1 << (10 * power))
+        .filter(|&bytes| bytes > 0)
+        .ok_or_else(usage)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_read_as_people_write_them() {
+        for (text, bytes) in [
+            ("512", 512),
+            ("256M", 256 << 20),
+            ("2G", 2 << 30),
+            ("1GiB", 1 << 30),
+            ("3kb", 3 << 10),
+        ] {
+            assert_eq!(parse_size(text).unwrap(), bytes, "{text}");
+        }
+        for text in ["", "M", "-1", "12Q", "0", "99999999999T"] {
+            assert!(parse_size(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_plan_over_the_limit_names_what_costs_most() {
+        let mut plan = MemoryPlan::default();
+        plan.add("small things", 1 << 20);
+        plan.add("DWAB blocks", 480 << 20);
+        assert!(plan.check(481 << 20).is_ok());
+        let message = plan.check(256 << 20).unwrap_err().to_string();
+        assert!(message.contains("DWAB blocks: 480.0 MiB"), "{message}");
+    }
+}
