@@ -4,8 +4,9 @@
 //! make it faster.
 
 use linpred_core::{
-    ColourBlock, FeatureGroup, FilteredGroup, Params, Predictions, PreparedBlock, Scratch, Tile,
-    denoise_cell, prefilter, prepare,
+    ColourBlock, FeatureGroup, FilteredGroup, NoiseBlock, NoisyBlock, Params, Predictions,
+    PreparedBlock, Scratch, Tile, denoise_cell, estimate_colour_noise, estimate_feature_noise,
+    prefilter, prepare,
 };
 
 use crate::row::FEATURES;
@@ -89,4 +90,12 @@ dispatched! {
         scratch: &mut Scratch,
         predictions: &mut Predictions
     ) -> u32
+}
+dispatched! {
+    /// [`linpred_core::estimate_colour_noise`].
+    estimate_colour_noise(input: &NoisyBlock, output: &mut NoiseBlock) -> ()
+}
+dispatched! {
+    /// [`linpred_core::estimate_feature_noise`].
+    estimate_feature_noise(input: &NoisyBlock, output: &mut NoiseBlock) -> ()
 }

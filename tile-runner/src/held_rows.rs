@@ -175,6 +175,20 @@ impl HeldRows {
     }
 }
 
+/// `position` mirrored at both ends of 0..length, without repeating the ends.
+pub(crate) fn mirrored(position: isize, length: usize) -> usize {
+    let last = length as isize - 1;
+    let inside = position.abs();
+    clamped(
+        if inside > last {
+            2 * last - inside
+        } else {
+            inside
+        },
+        length,
+    )
+}
+
 /// The nearest of 0..length.
 pub(crate) fn clamped(position: isize, length: usize) -> usize {
     position.clamp(0, length as isize - 1) as usize
