@@ -52,6 +52,8 @@ pub struct BatchFit {
     pub beta: [DVector<f64>; 3],
     /// P, the inverse of the regularised Gramian.
     pub covariance: DMatrix<f64>,
+    /// Condition number of the fitted rows, weights and prior included.
+    pub condition: f64,
 }
 
 impl BatchFit {
@@ -76,6 +78,7 @@ impl BatchFit {
         let inverse = r
             .solve_upper_triangular(&DMatrix::identity(terms, terms))
             .expect("the prior makes R regular");
+        let singular = r.singular_values();
         let mut beta = solved;
         qr.p().inv_permute_rows(&mut beta);
         let mut half = inverse;
@@ -83,6 +86,7 @@ impl BatchFit {
         Self {
             beta: [0, 1, 2].map(|c| beta.column(c).into_owned()),
             covariance: &half * half.transpose(),
+            condition: singular.max() / singular.min(),
         }
     }
 
@@ -132,12 +136,4 @@ pub fn forget(rows: &[Row], prior: &Prior, lambda: f64) -> (Vec<Row>, Prior) {
         delta: prior.delta.iter().map(|d| d * lambda.powi(count)).collect(),
     };
     (aged.collect(), prior)
-}
-
-/// Ratio of the largest to the smallest singular value of a matrix given by rows.
-pub fn condition_number(rows: &[Vec<f64>]) -> f64 {
-    let columns = rows[0].len();
-    let z = DMatrix::from_fn(rows.len(), columns, |i, j| rows[i][j]);
-    let values = z.singular_values();
-    values.max() / values.min()
 }

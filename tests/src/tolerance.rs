@@ -4,6 +4,13 @@
 /// equal), for prior strengths of 1e-3 and more: the bar of the stability study. Seen: 2e-5; two million of the strategies' windows pass.
 pub const RECURSIVE_PREDICTION: f64 = 1e-4;
 
+/// The same for sequences that a fuzzer has searched, which makes regressors collinear, repeats them and spreads weights over four
+/// decades: the bar, or where the fitted rows are worse conditioned, two units in the last place amplified by it. (Found: 1.7e-4 in
+/// `Fit::prediction_unit` at a condition number of some thousands.)
+pub fn searched_prediction(condition: f64) -> f64 {
+    RECURSIVE_PREDICTION.max(2.0 * f64::from(f32::EPSILON) * condition)
+}
+
 /// Coefficients of the f32 recursive fit, in units of the largest radiance times `max(1, sqrt(P_jj))`: between nearly
 /// collinear regressors rounding drifts along the direction that no pixel and only the prior determines, which no
 /// prediction sees. Seen: 1.2e-2.
