@@ -4,13 +4,6 @@
 /// equal), for prior strengths of 1e-3 and more: the bar of the stability study. Seen: 2e-5; two million of the strategies' windows pass.
 pub const RECURSIVE_PREDICTION: f64 = 1e-4;
 
-/// The same for sequences that a fuzzer has searched, which makes regressors collinear, repeats them and spreads weights over four
-/// decades: the bar, or where the fitted rows are worse conditioned, two units in the last place amplified by it. (Found: 1.7e-4 in
-/// `Fit::prediction_unit` at a condition number of some thousands.)
-pub fn searched_prediction(condition: f64) -> f64 {
-    RECURSIVE_PREDICTION.max(2.0 * f64::from(f32::EPSILON) * condition)
-}
-
 /// Coefficients of the f32 recursive fit, in units of the largest radiance times `max(1, sqrt(P_jj))`: between nearly
 /// collinear regressors rounding drifts along the direction that no pixel and only the prior determines, which no
 /// prediction sees. Seen: 1.2e-2.
@@ -21,6 +14,13 @@ pub const RECURSIVE_COVARIANCE: f64 = 2e-3;
 
 /// `z^T P z` at the window's own pixels, relative: 361 updates of rounding, unamplified. Seen: 3e-5.
 pub const RECURSIVE_LEVERAGE: f64 = 3e-4;
+
+/// A recursive tolerance for sequences that a fuzzer has searched, which makes regressors collinear, repeats them and spreads weights
+/// over four decades: as it is, or where the fitted rows are worse conditioned, two units in the last place amplified by that.
+/// Found: predictions off by 1.7e-4 in `Fit::prediction_unit` and leverages by 3.02e-4, at condition numbers of some thousands.
+pub fn searched(tolerance: f64, condition: f64) -> f64 {
+    tolerance.max(2.0 * f64::from(f32::EPSILON) * condition)
+}
 
 /// Fitted values of the f64 normal equations against f64 QR, relative to the largest radiance: coefficients are
 /// rounded to f32 and multiplied by regressors in f32. Seen: 7e-7.
