@@ -52,8 +52,6 @@ pub struct BatchFit {
     pub beta: [DVector<f64>; 3],
     /// P, the inverse of the regularised Gramian.
     pub covariance: DMatrix<f64>,
-    /// Condition number of the fitted rows, weights and prior included.
-    pub condition: f64,
 }
 
 impl BatchFit {
@@ -78,7 +76,6 @@ impl BatchFit {
         let inverse = r
             .solve_upper_triangular(&DMatrix::identity(terms, terms))
             .expect("the prior makes R regular");
-        let singular = r.singular_values();
         let mut beta = solved;
         qr.p().inv_permute_rows(&mut beta);
         let mut half = inverse;
@@ -86,7 +83,6 @@ impl BatchFit {
         Self {
             beta: [0, 1, 2].map(|c| beta.column(c).into_owned()),
             covariance: &half * half.transpose(),
-            condition: singular.max() / singular.min(),
         }
     }
 
@@ -136,4 +132,23 @@ pub fn forget(rows: &[Row], prior: &Prior, lambda: f64) -> (Vec<Row>, Prior) {
         delta: prior.delta.iter().map(|d| d * lambda.powi(count)).collect(),
     };
     (aged.collect(), prior)
+}
+
+/// The largest condition number, weights and prior included, that a fit which forgets by `lambda` goes through: what a recursion
+/// errs in an ill-conditioned stretch stays in its coefficients after pixels that mend the condition.
+pub fn worst_condition(rows: &[Row], prior: &Prior, lambda: f64) -> f64 {
+    let mut gram = DMatrix::from_diagonal(&DVector::from_column_slice(&prior.delta));
+    let mut worst: f64 = 1.0;
+    for row in rows {
+        let z = DVector::from_column_slice(&row.z);
+        gram *= lambda;
+        gram.ger(row.weight, &z, &z, 1.0);
+        // Elements of denormal regressors make nalgebra's iteration return NaN; they move no eigenvalue.
+        let least = 1e-25 * gram.amax();
+        let eigenvalues = gram
+            .map(|v| if v.abs() < least { 0.0 } else { v })
+            .symmetric_eigenvalues();
+        worst = worst.max((eigenvalues.max() / eigenvalues.min()).sqrt());
+    }
+    worst
 }

@@ -16,8 +16,9 @@ pub const RECURSIVE_COVARIANCE: f64 = 2e-3;
 pub const RECURSIVE_LEVERAGE: f64 = 3e-4;
 
 /// A recursive tolerance for sequences that a fuzzer has searched, which makes regressors collinear, repeats them and spreads weights
-/// over four decades: as it is, or where the fitted rows are worse conditioned, two units in the last place amplified by that.
-/// Found: predictions off by 1.7e-4 in `Fit::prediction_unit` and leverages by 3.02e-4, at condition numbers of some thousands.
+/// over four decades: as it is, or two units in the last place amplified by the worst condition number on the way, where
+/// that is more. Found: predictions off by 1.7e-4 in `Fit::prediction_unit` and leverages by 3.02e-4, at conditions of
+/// some thousands.
 pub fn searched(tolerance: f64, condition: f64) -> f64 {
     tolerance.max(2.0 * f64::from(f32::EPSILON) * condition)
 }
