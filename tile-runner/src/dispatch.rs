@@ -16,7 +16,7 @@ pub(crate) const TILE_FEATURES: usize = FEATURES + 2;
 
 /// An instruction set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Level {
+pub(crate) enum Level {
     /// What the target always has.
     Baseline,
     /// AVX2.
@@ -29,7 +29,7 @@ pub enum Level {
 
 impl Level {
     /// The best that this processor has.
-    pub fn detect() -> Self {
+    pub(crate) fn detect() -> Self {
         #[cfg(target_arch = "x86_64")]
         {
             if is_x86_feature_detected!("avx512f")

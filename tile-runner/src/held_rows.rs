@@ -51,8 +51,8 @@ impl HeldRow {
             self.good[x] = if good { 1.0 } else { 0.0 };
             self.luminance[x] = 0.0;
             self.variance[x] = 0.0;
-            for c in 0..3 {
-                let y = if good { colour[c] } else { 0.0 };
+            for (c, &value) in colour.iter().enumerate() {
+                let y = if good { value } else { 0.0 };
                 self.colour[c][x] = y;
                 self.luminance[x] += y.abs() / 3.0;
                 if good && kind != VarianceKind::Estimated {
