@@ -19,6 +19,9 @@ const CONSTANT: f32 = 1e-5;
 /// Singular values below this part of the largest are rounding of the features, not features.
 const ROUNDING: f32 = 1e-4;
 
+/// Directions that correlate by less are independent enough: the fit spans them either way.
+const CORRELATION: f32 = 0.05;
+
 /// Terms of the largest model: an intercept and 15 local features.
 pub const MAX_TERMS: usize = 16;
 
@@ -106,7 +109,8 @@ impl<const D: usize> Range<D> {
             axes: [[0.0; MAX_TERMS]; D],
             rank: 0,
         };
-        let Some(eigen) = SymmetricEigen::new(&self.gramian(tile, x, y)) else {
+        let Some(eigen) = SymmetricEigen::decorrelated(&self.gramian(tile, x, y), CORRELATION)
+        else {
             return basis;
         };
         let mut noise = 0.0;
@@ -129,7 +133,7 @@ impl<const D: usize> Range<D> {
         basis
     }
 
-    /// Z^T Z: its eigenvalues are the squared singular values, its eigenvectors are V.
+    /// The upper triangle of Z^T Z: its eigenvalues are the squared singular values, its eigenvectors are V.
     #[inline(always)]
     fn gramian(&self, tile: &Tile<D>, x: usize, y: usize) -> [[f32; D]; D] {
         let mut gramian = [[0.0; D]; D];
@@ -142,7 +146,7 @@ impl<const D: usize> Range<D> {
                     row[j] = (pixel.features[j] - self.mean[j]) * self.scale[j];
                 }
                 for i in 0..D {
-                    for j in 0..D {
+                    for j in i..D {
                         gramian[i][j] += row[i] * row[j];
                     }
                 }
