@@ -40,7 +40,7 @@ pub(crate) struct RunArguments {
     /// Methods; all without.
     #[arg(long, value_enum, value_delimiter = ',')]
     pub(crate) methods: Vec<Method>,
-    /// Sizes that the images are mirrored up to for timing, beside their own size.
+    /// Sizes that the images are mirrored up to for timing, beside their own size; 0 is that alone.
     #[arg(long, value_delimiter = ',', default_values_t = [1.0, 8.0])]
     pub(crate) megapixels: Vec<f64>,
     /// Runs of every measurement; tables give medians. 0 makes the tables anew.

@@ -67,7 +67,8 @@ fn measure_image(
     rows: &mut Rows,
 ) -> Result<()> {
     let mut seconds_per_pixel = HashMap::new();
-    let sizes = std::iter::once(0.0).chain(arguments.megapixels.iter().copied());
+    let larger = arguments.megapixels.iter().copied().filter(|m| *m > 0.0);
+    let sizes = std::iter::once(0.0).chain(larger);
     for megapixels in sizes {
         // one after the other within a run, so that a slow minute of the machine meets all of them
         for run in 0..arguments.runs {
