@@ -72,7 +72,7 @@ impl RowSource for MirroredRows<'_> {
     fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), Error> {
         let height = self.image.rows.len();
         let within = y % height;
-        let from = if y / height % 2 == 0 {
+        let from = if (y / height).is_multiple_of(2) {
             &self.image.rows[within]
         } else {
             &self.image.rows[height - 1 - within]

@@ -55,10 +55,10 @@ pub(crate) fn box_mean(plane: &[f32], width: usize, radius: usize) -> Vec<f32> {
     let mut across = vec![0.0; plane.len()];
     for (out, row) in across.chunks_mut(width).zip(plane.chunks(width)) {
         let mut sum: f64 = row.iter().take(radius).map(|v| f64::from(*v)).sum();
-        for x in 0..width {
+        for (x, out) in out.iter_mut().enumerate() {
             sum += row.get(x + radius).map_or(0.0, |v| f64::from(*v));
             let (from, to) = span(x, radius, width);
-            out[x] = sum / (to - from) as f64;
+            *out = sum / (to - from) as f64;
             sum -= x.checked_sub(radius).map_or(0.0, |x| f64::from(row[x]));
         }
     }
@@ -101,7 +101,7 @@ mod tests {
 
     #[test]
     fn running_sums_are_means_of_what_lies_inside() {
-        let (width, height, radius) = (7, 5, 2);
+        let (width, height, radius) = (7, 5usize, 2usize);
         let plane: Vec<f32> = (0..35).map(|i| ((i * i) % 11) as f32).collect();
         let means = box_mean(&plane, width, radius);
         for y in 0..height {
