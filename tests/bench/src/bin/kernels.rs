@@ -1,0 +1,141 @@
+//! A small fixed workload for each of the core's kernels, for `regress.sh` to count instructions in.
+//!
+//! `kernels denoise_cell|prefilter|prepare`. What is counted runs in [`counted`] alone; the images are made outside it. No
+//! instruction set beyond the target's own is used.
+
+use std::hint::black_box;
+
+use anyhow::{Result, bail};
+use linpred_core::{
+    CELL, ColourBlock, FeatureGroup, FilteredGroup, HALO, Params, Pixel, PixelState, Predictions,
+    PreparedBlock, Scratch, TILE, Tile, denoise_cell, prefilter, prepare,
+};
+
+/// Position, normal, albedo and depth, as in the pipeline.
+const FEATURES: usize = 9;
+
+/// Instructions of calls to this function are counted, by its name.
+#[inline(never)]
+fn counted(work: &mut dyn FnMut()) {
+    work();
+}
+
+fn main() -> Result<()> {
+    let name = std::env::args().nth(1).unwrap_or_default();
+    match name.as_str() {
+        "denoise_cell" => cells(),
+        "prefilter" => filtered_groups(),
+        "prepare" => prepared_blocks(),
+        _ => bail!("kernels denoise_cell|prefilter|prepare"),
+    }
+    Ok(())
+}
+
+/// Numbers from -1 to 1 that are the same everywhere.
+struct Noise(u32);
+
+impl Noise {
+    fn next(&mut self) -> f32 {
+        // xorshift32 (Marsaglia 2003)
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 17;
+        self.0 ^= self.0 << 5;
+        (self.0 >> 8) as f32 / 8_388_608.0 - 1.0
+    }
+}
+
+/// Three cells of rising rank: a plain wall, an edge, and textured noise.
+fn cells() {
+    let tiles: Vec<Box<Tile<FEATURES>>> = (0..3).map(tile).collect();
+    let mut scratch = Box::new(Scratch::new());
+    let mut predictions = Box::new(Predictions::NONE);
+    let mut models = 0;
+    counted(&mut || {
+        for tile in &tiles {
+            models += denoise_cell(tile, &Params::default(), &mut scratch, &mut predictions);
+        }
+    });
+    black_box(&predictions);
+    println!("{models} models");
+}
+
+fn tile(kind: usize) -> Box<Tile<FEATURES>> {
+    let mut noise = Noise(7 + kind as u32);
+    let mut tile = Box::new(Tile::EMPTY);
+    for y in 0..TILE {
+        for x in 0..TILE {
+            tile.pixels[y * TILE + x] = pixel(kind, x, y, &mut noise);
+        }
+    }
+    debug_assert!(tile.pixel(HALO + CELL / 2, HALO).weight > 0.0);
+    tile
+}
+
+fn pixel(kind: usize, x: usize, y: usize, noise: &mut Noise) -> Pixel<FEATURES> {
+    let (across, down) = (x as f32, y as f32);
+    let edge = if kind > 0 && 2 * x + y > 52 { 1.0 } else { 0.0 };
+    let texture = if kind > 1 { 0.3 } else { 0.0 };
+    let mut features = [
+        across,
+        down,
+        edge,
+        0.3 * edge,
+        1.0 - edge,
+        0.5,
+        0.4,
+        0.3,
+        5.0 + 0.02 * down,
+    ];
+    let mut feature_variance = [0.0; FEATURES];
+    for k in 2..FEATURES {
+        features[k] += texture * noise.next();
+        feature_variance[k] = 1e-4 * texture;
+    }
+    let level = 0.5 + 0.5 * edge + 0.01 * across + 0.4 * (features[5] - 0.5);
+    Pixel {
+        features,
+        feature_variance,
+        colour: [1.0, 0.8, 0.6].map(|tint| tint * level + 0.2 * noise.next()),
+        weight: 1.0 / (level * level + 0.3),
+        variance: 0.04,
+        tolerance: 0.06,
+        state: PixelState::Noisy,
+    }
+}
+
+/// A group of three noisy features.
+fn filtered_groups() {
+    let mut noise = Noise(11);
+    let mut group = Box::new(FeatureGroup::<3>::ZERO);
+    for plane in 0..3 {
+        for y in 0..FeatureGroup::<3>::HEIGHT {
+            for x in 0..FeatureGroup::<3>::WIDTH {
+                let edge = if x > 20 + plane { 0.8 } else { 0.1 };
+                group.value[plane][y][x] = edge + 0.1 * noise.next();
+                group.variance[plane][y][x] = 3e-3;
+            }
+        }
+    }
+    let mut filtered = Box::new(FilteredGroup::ZERO);
+    counted(&mut || {
+        black_box(prefilter(&group, &mut filtered));
+    });
+    black_box(&filtered);
+}
+
+/// A block with a bright corner and a black one.
+fn prepared_blocks() {
+    let mut noise = Noise(13);
+    let mut block = Box::new(ColourBlock::BLACK);
+    for y in 0..ColourBlock::HEIGHT {
+        for x in 0..ColourBlock::WIDTH {
+            let level = ((x * y) as f32 / 100.0 - 1.0).max(0.0);
+            block.luminance[y][x] = level * (1.0 + 0.5 * noise.next());
+            block.variance[y][x] = 0.1 * level * level;
+            block.good[y][x] = 1.0;
+        }
+    }
+    let mut prepared = Box::new(PreparedBlock::EMPTY);
+    counted(&mut || prepare(&block, &mut prepared));
+    black_box(&prepared);
+}

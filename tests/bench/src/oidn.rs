@@ -1,0 +1,89 @@
+//! Open Image Denoise, through a script beside this crate.
+
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, Result, ensure};
+use serde::Deserialize;
+
+use crate::clock::Cost;
+use crate::image::{Colour, Image};
+use crate::point::Done;
+
+/// What the script prints.
+#[derive(Deserialize)]
+struct Printed {
+    cost: Cost,
+}
+
+fn script() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("oidn.py")
+}
+
+/// The version that is installed; `None` without Python or pyoidn.
+pub(crate) fn version() -> Option<String> {
+    let output = Command::new("python3")
+        .arg(script())
+        .arg("--version")
+        .stderr(Stdio::null())
+        .output()
+        .ok()?;
+    let text = String::from_utf8(output.stdout).ok()?;
+    (output.status.success() && !text.trim().is_empty()).then(|| text.trim().to_owned())
+}
+
+/// Denoises with albedo and normal at quality high. The script mirrors the image itself.
+pub(crate) fn denoise(image: &Image, copies: usize, threads: NonZeroUsize) -> Result<Done> {
+    let folder = tempfile::tempdir()?;
+    for (name, planes) in [("colour", 0), ("normal", 1), ("albedo", 2)] {
+        let mut bytes = Vec::new();
+        for row in &image.rows {
+            let channels: [&[f32]; 3] = std::array::from_fn(|c| match planes {
+                0 => &row.colour[c][..],
+                1 => &row.features[c][..],
+                _ => &row.features[3 + c][..],
+            });
+            for x in 0..channels[0].len() {
+                for channel in channels {
+                    bytes.extend_from_slice(&channel[x].to_le_bytes());
+                }
+            }
+        }
+        std::fs::write(folder.path().join(name), bytes)?;
+    }
+    let output = Command::new("python3")
+        .arg(script())
+        .arg(folder.path())
+        .args([
+            image.layout.size.width().to_string(),
+            image.layout.size.height().to_string(),
+            copies.to_string(),
+            threads.to_string(),
+        ])
+        .stderr(Stdio::inherit())
+        .output()
+        .context("python3 does not start")?;
+    ensure!(output.status.success(), "oidn.py: {}", output.status);
+    let printed: Printed = serde_json::from_slice(&output.stdout)?;
+    let colour = if copies == 1 {
+        Some(read_colour(&folder.path().join("denoised"))?)
+    } else {
+        None
+    };
+    Ok(Done {
+        colour,
+        cost: printed.cost,
+        report: None,
+    })
+}
+
+fn read_colour(path: &Path) -> Result<Colour> {
+    let bytes = std::fs::read(path)?;
+    let mut colour = Colour::default();
+    let (values, _) = bytes.as_chunks::<4>();
+    for (i, value) in values.iter().enumerate() {
+        colour.planes[i % 3].push(f32::from_le_bytes(*value));
+    }
+    Ok(colour)
+}
