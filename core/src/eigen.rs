@@ -95,13 +95,13 @@ fn identity<const D: usize>() -> [[f32; D]; D] {
 
 /// Rotates every off-diagonal element away once, in a fixed order; whether any was worth it.
 ///
-/// An element below a hundredth of a unit in the last place of the largest is left: all of them together move an eigenvalue by less
+/// An element below a sixteenth of a unit in the last place of the largest is left: a row of them moves an eigenvalue by less
 /// than rounding does.
 fn sweep<const D: usize>(matrix: &mut [[f32; D]; D], vectors: &mut [[f32; D]; D]) -> bool {
     let mut rotated = false;
     for p in 0..D {
         for q in p + 1..D {
-            if matrix[p][q].abs() > 0.01 * f32::EPSILON {
+            if matrix[p][q].abs() > f32::EPSILON / 16.0 {
                 rotate(matrix, vectors, p, q);
                 rotated = true;
             }
@@ -124,21 +124,26 @@ fn rotate<const D: usize>(
     let tangent = if theta < 0.0 { -magnitude } else { magnitude };
     let cosine = 1.0 / sqrt(tangent * tangent + 1.0);
     let sine = tangent * cosine;
-    matrix[p][p] -= tangent * element;
-    matrix[q][q] += tangent * element;
+    let (pp, qq) = (matrix[p][p], matrix[q][q]);
+    mix_rows(matrix, p, q, cosine, sine);
+    mix_rows(vectors, p, q, cosine, sine);
+    matrix[p][p] = pp - tangent * element;
+    matrix[q][q] = qq + tangent * element;
     matrix[p][q] = 0.0;
     matrix[q][p] = 0.0;
     for k in 0..D {
-        let (vp, vq) = (vectors[p][k], vectors[q][k]);
-        vectors[p][k] = cosine * vp - sine * vq;
-        vectors[q][k] = sine * vp + cosine * vq;
-        if k != p && k != q {
-            let (mp, mq) = (matrix[p][k], matrix[q][k]);
-            matrix[p][k] = cosine * mp - sine * mq;
-            matrix[q][k] = sine * mp + cosine * mq;
-            matrix[k][p] = matrix[p][k];
-            matrix[k][q] = matrix[q][k];
-        }
+        matrix[k][p] = matrix[p][k];
+        matrix[k][q] = matrix[q][k];
+    }
+}
+
+/// Row p becomes `cosine p - sine q`, row q becomes `sine p + cosine q`.
+#[inline]
+fn mix_rows<const D: usize>(rows: &mut [[f32; D]; D], p: usize, q: usize, cosine: f32, sine: f32) {
+    let (row_p, row_q) = (rows[p], rows[q]);
+    for k in 0..D {
+        rows[p][k] = cosine * row_p[k] - sine * row_q[k];
+        rows[q][k] = sine * row_p[k] + cosine * row_q[k];
     }
 }
 

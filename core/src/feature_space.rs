@@ -5,6 +5,11 @@
 //! `|s_m(true) - s_m(Z)| <= ||E||`. Directions below `tau = C ||E||` are noise and dropped; the others, `V_k`,
 //! turn a pixel's features into its local ones, `z = V_k^T (x - x_c)`.
 
+#![expect(
+    clippy::needless_range_loop,
+    reason = "the loops follow the indices of the formulas"
+)]
+
 use crate::eigen::SymmetricEigen;
 use crate::tile::{Pixel, RINGS, Tile, WINDOW_AREA, offset};
 

@@ -213,9 +213,10 @@ impl<const T: usize> Growth<T> {
     ) -> f32 {
         let mut residual = 0.0;
         for (terms, sample) in terms.iter().zip(samples).take(pixels) {
-            if let Some(terms) = terms.first_chunk::<T>()
-                && sample.weight > 0.0
-            {
+            let Some(terms) = terms.first_chunk::<T>() else {
+                continue;
+            };
+            if sample.weight > 0.0 {
                 residual += sample.weight * squared_distance(&self.previous, terms, &sample.colour);
             }
         }

@@ -10,6 +10,8 @@ mod feature_space;
 mod fit;
 mod float;
 mod literal;
+mod median;
+mod noise;
 mod normal;
 mod params;
 mod prefilter;
@@ -22,6 +24,9 @@ pub use blend::{Denoised, Predictions, Sum, resolve, resolve_layer};
 pub use cell::{Scratch, denoise_cell};
 pub use eigen::SymmetricEigen;
 pub use feature_space::MAX_TERMS;
+pub use noise::{
+    NOISE_HALO, NoiseBlock, NoisePlane, NoisyBlock, estimate_colour_noise, estimate_feature_noise,
+};
 pub use normal::{Gram, NormalEquations, NotFinite, Solution};
 pub use params::Formulas;
 pub use params::{Params, Quality};

@@ -12,6 +12,11 @@
 //! with one ratio for the group rather than one per channel (a third of the divisions, the same error) and
 //! `exp(-d)` as `(1 - d/8)^8`, which ends.
 
+#![expect(
+    clippy::needless_range_loop,
+    reason = "the loops follow the indices of the formulas"
+)]
+
 use crate::prepare::{BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane};
 
 /// Half-width of the search.

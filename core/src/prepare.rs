@@ -2,7 +2,13 @@
 //!
 //! Worked out in blocks, each from the colours and variances around it, so that any block gives the same bits.
 
+#![expect(
+    clippy::needless_range_loop,
+    reason = "the loops follow the indices of the formulas"
+)]
+
 use crate::float::{exp, ln};
+use crate::median::median_3x3;
 
 /// Columns of a block.
 pub const BLOCK_WIDTH: usize = 28;
@@ -160,42 +166,4 @@ fn geometric_mean(luminance: &MeanPlane) -> BlockPlane {
         }
     }
     means
-}
-
-/// Median of nine, by exchanges of pairs (Smith, Implementing median filters in XC4000E FPGAs, 1996).
-#[inline(always)]
-fn median_3x3(values: &ColourPlane, x: usize, y: usize) -> f32 {
-    let mut v = [0.0; 9];
-    for dy in 0..3 {
-        for dx in 0..3 {
-            v[3 * dy + dx] = values[y + dy - 1][x + dx - 1];
-        }
-    }
-    const EXCHANGES: [(usize, usize); 19] = [
-        (1, 2),
-        (4, 5),
-        (7, 8),
-        (0, 1),
-        (3, 4),
-        (6, 7),
-        (1, 2),
-        (4, 5),
-        (7, 8),
-        (0, 3),
-        (5, 8),
-        (4, 7),
-        (3, 6),
-        (1, 4),
-        (2, 5),
-        (4, 7),
-        (4, 2),
-        (6, 4),
-        (4, 2),
-    ];
-    for (low, high) in EXCHANGES {
-        let (a, b) = (v[low], v[high]);
-        v[low] = if a < b { a } else { b };
-        v[high] = if a < b { b } else { a };
-    }
-    v[4]
 }

@@ -160,17 +160,14 @@ impl<const T: usize> Rls<T> {
     }
 
     fn is_finite(&self) -> bool {
-        // Without a branch per value: the exponents are compared several at a time.
-        let mut finite = true;
-        for row in self.upper.iter().chain(&self.beta) {
-            for v in row {
-                finite &= v.is_finite();
+        // 0 times a value that is not finite is NaN and stays it; a lane per term keeps the additions independent.
+        let mut probe = [0.0; T];
+        for row in self.upper.iter().chain(&self.beta).chain([&self.diagonal]) {
+            for j in 0..T {
+                probe[j] += row[j] * 0.0;
             }
         }
-        for d in &self.diagonal {
-            finite &= d.is_finite();
-        }
-        finite
+        probe.iter().all(|&lane| lane == 0.0)
     }
 
     /// `beta^T z` of each channel, at the largest finite value where it would overflow; 0 if `z` is not finite.

@@ -134,10 +134,21 @@ pub fn forget(rows: &[Row], prior: &Prior, lambda: f64) -> (Vec<Row>, Prior) {
     (aged.collect(), prior)
 }
 
-/// Ratio of the largest to the smallest singular value of a matrix given by rows.
-pub fn condition_number(rows: &[Vec<f64>]) -> f64 {
-    let columns = rows[0].len();
-    let z = DMatrix::from_fn(rows.len(), columns, |i, j| rows[i][j]);
-    let values = z.singular_values();
-    values.max() / values.min()
+/// The largest condition number, weights and prior included, that a fit which forgets by `lambda` goes through: what a recursion
+/// errs in an ill-conditioned stretch stays in its coefficients after pixels that mend the condition.
+pub fn worst_condition(rows: &[Row], prior: &Prior, lambda: f64) -> f64 {
+    let mut gram = DMatrix::from_diagonal(&DVector::from_column_slice(&prior.delta));
+    let mut worst: f64 = 1.0;
+    for row in rows {
+        let z = DVector::from_column_slice(&row.z);
+        gram *= lambda;
+        gram.ger(row.weight, &z, &z, 1.0);
+        // Elements of denormal regressors make nalgebra's iteration return NaN; they move no eigenvalue.
+        let least = 1e-25 * gram.amax();
+        let eigenvalues = gram
+            .map(|v| if v.abs() < least { 0.0 } else { v })
+            .symmetric_eigenvalues();
+        worst = worst.max((eigenvalues.max() / eigenvalues.min()).sqrt());
+    }
+    worst
 }

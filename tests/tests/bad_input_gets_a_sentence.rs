@@ -173,6 +173,28 @@ fn compressed_data_that_is_not() {
         .complains_about(&["in.exr", "part 0", "rows 32 to 47", "ZIP"]);
 }
 
+/// A few changed bytes once made the decoder ask the system for terabytes, which ended the process without a word.
+#[test]
+fn a_dwa_block_that_announces_terabytes() {
+    let place = Place::new();
+    let mut image = part(everything(PIXELS));
+    image.encoding.compression = exr::prelude::Compression::DWAA(None);
+    write(&place.input(), SIZE, vec![image]);
+    let good = fs::read(place.input()).unwrap();
+    let header = RawHeader::parse(&good).unwrap().unwrap().length;
+    let offset = u64::from_le_bytes(good[header..header + 8].try_into().unwrap()) as usize;
+    for counter in [1, 6, 7, 8, 9] {
+        let mut bytes = good.clone();
+        // behind the block's row and length, the sixth byte of the counter
+        bytes[offset + 8 + counter * 8 + 5] = 1;
+        fs::write(place.input(), bytes).unwrap();
+        place
+            .denoise(&[])
+            .exits_with(3)
+            .complains_about(&["rows 0 to 31", "announces more data"]);
+    }
+}
+
 #[test]
 fn a_colour_that_is_missing() {
     let place = Place::new();

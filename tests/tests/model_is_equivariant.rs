@@ -57,6 +57,23 @@ proptest! {
     }
 
     #[test]
+    fn a_rotation_of_the_features_changes_nothing(fit in fits::<5>(), angle in 0.0f32..6.3) {
+        let (sine, cosine) = angle.sin_cos();
+        let mut rotated = fit.clone();
+        for p in &mut rotated.pixels {
+            let [one, a, b, c, d] = p.z;
+            p.z = [one, cosine * a - sine * c, b, sine * a + cosine * c, d];
+        }
+        let (ours, expected) = (predictions(&rotated), predictions(&fit));
+        for (i, (ours, expected)) in ours.iter().zip(&expected).enumerate() {
+            let tolerance = RECURSIVE_PREDICTION * fit.prediction_unit(&fit.pixels[i / 2]);
+            for (&a, &b) in ours.iter().zip(expected) {
+                prop_assert!(close(f64::from(a), f64::from(b), tolerance), "{a} {b} within {tolerance}");
+            }
+        }
+    }
+
+    #[test]
     fn an_affine_image_is_predicted_exactly(fit in fits::<5>(), slopes in proptest::array::uniform5(-4.0f32..4.0)) {
         let mut affine = fit;
         for p in &mut affine.pixels {

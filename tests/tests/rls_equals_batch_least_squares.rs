@@ -149,15 +149,50 @@ fn predictions_agree<const T: usize>(
     window: &Window<T>,
     count: usize,
 ) {
+    for place in 0..count {
+        prediction_agrees(rls, batch, window, place);
+    }
+}
+
+fn prediction_agrees<const T: usize>(
+    rls: &Rls<T>,
+    batch: &BatchFit,
+    window: &Window<T>,
+    place: usize,
+) {
     let unit = window.largest_response();
-    for z in &window.z[..count] {
-        let (ours, exact) = (rls.predict(z), batch.predict(&z.map(f64::from)));
-        for c in 0..3 {
-            let (ours, exact) = (f64::from(ours[c]), exact[c]);
-            assert!(
-                close(ours, exact, RECURSIVE_PREDICTION * unit),
-                "{ours} against {exact} of {unit}"
-            );
+    let z = &window.z[place];
+    let (ours, exact) = (rls.predict(z), batch.predict(&z.map(f64::from)));
+    for c in 0..3 {
+        let (ours, exact) = (f64::from(ours[c]), exact[c]);
+        assert!(
+            close(ours, exact, RECURSIVE_PREDICTION * unit),
+            "{ours} against {exact} of {unit}"
+        );
+    }
+}
+
+/// 100,000 updates with lambda = 0.98 against the batch solution of the last 2,000, before which 0.98^n is below 1e-17; at the
+/// latest fifty pixels, which are what the fit remembers. The prior is forgotten too, so nothing regularises the fit, and
+/// f32 holds the bar to a condition number of 10^3.
+#[test]
+fn in_a_long_run_with_forgetting() {
+    for exponent in 0..=3 {
+        let window = Window::<5>::with_condition(10f64.powi(exponent), &mut Random::new(41));
+        let pixel = |i: usize| (i * 101) % window.z.len();
+        let prior = linpred_core::Prior::at_centre(&window.y[0], 1e-3, 1e-3);
+        let mut rls = Rls::new(&prior);
+        for i in 0..100_000 {
+            let (z, y) = (&window.z[pixel(i)], &window.y[pixel(i)]);
+            assert_eq!(rls.update_forgetting(z, y, 1.0, 0.98), Taken::Yes);
+        }
+        let recent: Vec<Row> = (98_000..100_000)
+            .map(|i| Row::from_f32(&window.z[pixel(i)], &window.y[pixel(i)], 1.0))
+            .collect();
+        let (aged, prior) = forget(&recent, &Prior::from_f32(&prior), f64::from(0.98f32));
+        let exact = BatchFit::new(&aged, &prior);
+        for i in 99_950..100_000 {
+            prediction_agrees(&rls, &exact, &window, pixel(i));
         }
     }
 }

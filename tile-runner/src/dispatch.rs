@@ -4,8 +4,9 @@
 //! make it faster.
 
 use linpred_core::{
-    ColourBlock, FeatureGroup, FilteredGroup, Params, Predictions, PreparedBlock, Scratch, Tile,
-    denoise_cell, prefilter, prepare,
+    ColourBlock, FeatureGroup, FilteredGroup, NoiseBlock, NoisyBlock, Params, Predictions,
+    PreparedBlock, Scratch, Tile, denoise_cell, estimate_colour_noise, estimate_feature_noise,
+    prefilter, prepare,
 };
 
 use crate::row::FEATURES;
@@ -15,7 +16,7 @@ pub(crate) const TILE_FEATURES: usize = FEATURES + 2;
 
 /// An instruction set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Level {
+pub(crate) enum Level {
     /// What the target always has.
     Baseline,
     /// AVX2.
@@ -28,7 +29,7 @@ pub enum Level {
 
 impl Level {
     /// The best that this processor has.
-    pub fn detect() -> Self {
+    pub(crate) fn detect() -> Self {
         #[cfg(target_arch = "x86_64")]
         {
             if is_x86_feature_detected!("avx512f")
@@ -89,4 +90,12 @@ dispatched! {
         scratch: &mut Scratch,
         predictions: &mut Predictions
     ) -> u32
+}
+dispatched! {
+    /// [`linpred_core::estimate_colour_noise`].
+    estimate_colour_noise(input: &NoisyBlock, output: &mut NoiseBlock) -> ()
+}
+dispatched! {
+    /// [`linpred_core::estimate_feature_noise`].
+    estimate_feature_noise(input: &NoisyBlock, output: &mut NoiseBlock) -> ()
 }

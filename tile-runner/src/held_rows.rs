@@ -51,8 +51,8 @@ impl HeldRow {
             self.good[x] = if good { 1.0 } else { 0.0 };
             self.luminance[x] = 0.0;
             self.variance[x] = 0.0;
-            for c in 0..3 {
-                let y = if good { colour[c] } else { 0.0 };
+            for (c, &value) in colour.iter().enumerate() {
+                let y = if good { value } else { 0.0 };
                 self.colour[c][x] = y;
                 self.luminance[x] += y.abs() / 3.0;
                 if good && kind != VarianceKind::Estimated {
@@ -173,6 +173,20 @@ impl HeldRows {
         }
         if count > 0.0 { sum / count } else { 0.0 }
     }
+}
+
+/// `position` mirrored at both ends of 0..length, without repeating the ends.
+pub(crate) fn mirrored(position: isize, length: usize) -> usize {
+    let last = length as isize - 1;
+    let inside = position.abs();
+    clamped(
+        if inside > last {
+            2 * last - inside
+        } else {
+            inside
+        },
+        length,
+    )
 }
 
 /// The nearest of 0..length.

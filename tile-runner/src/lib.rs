@@ -15,6 +15,7 @@ pub mod job;
 pub mod layers;
 pub mod memory;
 pub mod names;
+mod noise;
 pub mod overlap;
 mod part_in_progress;
 pub mod pipeline;

@@ -20,6 +20,7 @@ use crate::cells::{Neighbourhood, SumRows};
 use crate::dispatch::Level;
 use crate::error::Error;
 use crate::held_rows::HeldRows;
+use crate::noise::Missing;
 use crate::row::{InputRow, OutputRow, RowLayout, RowSink, RowSource};
 
 /// How to run.
@@ -60,8 +61,12 @@ pub fn denoise(
     let mut frame = Frame::new(source.layout(), options.params);
     let height = frame.layout.size.height();
     for row in 0..height.div_ceil(CELL) {
-        frame.read(source, (row + 2) * CELL + BLOCK_HALO)?;
-        pool.install(|| frame.compute(row));
+        let needed = (row + 2) * CELL + BLOCK_HALO;
+        frame.read(source, needed + frame.missing.halo())?;
+        pool.install(|| {
+            frame.estimate(needed);
+            frame.compute(row);
+        });
         let done = if (row + 1) * CELL >= height {
             height
         } else {
@@ -78,6 +83,9 @@ struct Frame {
     layout: RowLayout,
     params: Params,
     level: Level,
+    missing: Missing,
+    /// Rows whose variances are there.
+    estimated: usize,
     band: HeldRows,
     /// Prepared rows of the cells above, at and below the current row.
     prepared: [PreparedRows; 3],
@@ -94,6 +102,8 @@ impl Frame {
             layout,
             params,
             level: Level::detect(),
+            missing: Missing::of(&layout),
+            estimated: 0,
             band: HeldRows::new(layout),
             prepared: std::array::from_fn(|_| PreparedRows::new(layout.size)),
             sums: SumRows::new(layout.size),
@@ -114,6 +124,14 @@ impl Frame {
             self.band.push(&self.input);
         }
         Ok(())
+    }
+
+    /// Estimates the variances that the source lacks, up to row `end` or the last.
+    fn estimate(&mut self, end: usize) {
+        let rows = self.estimated..end.min(self.layout.size.height());
+        self.estimated = rows.end;
+        self.missing
+            .fill(&mut self.band, &self.layout, rows, self.level);
     }
 
     /// Prepares what row `row` of cells lacks, and predicts it.
@@ -181,6 +199,6 @@ impl Frame {
         self.sums.advance();
         self.prepared.rotate_left(1);
         self.band
-            .drop_before(((row + 1) * CELL).saturating_sub(BLOCK_HALO));
+            .drop_before(((row + 1) * CELL).saturating_sub(BLOCK_HALO + self.missing.halo()));
     }
 }

@@ -6,6 +6,7 @@
 
 pub mod attributes;
 pub mod chunk;
+mod dwa_leader;
 pub mod encode;
 pub mod grid;
 pub mod header;

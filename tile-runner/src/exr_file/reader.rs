@@ -5,8 +5,11 @@ use std::io::{BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
+use exr::meta::attribute::{Compression, IntegerBounds};
+
 use super::attributes::RawHeader;
 use super::chunk::ChunkHead;
+use super::dwa_leader;
 use super::grid::Place;
 use super::header::{Part, parse_parts};
 use crate::error::Error;
@@ -97,6 +100,14 @@ impl ExrFile {
         let compressed = self.read_payload(part, index)?;
         let bounds = described.grid.bounds(column, row);
         let compression = described.header.compression;
+        let channels = described.header.channels.list.len();
+        if matches!(compression, Compression::DWAA(_) | Compression::DWAB(_))
+            && compressed.len() as u64 != block_size(described, bounds)
+            && !dwa_leader::is_plausible(&compressed, channels, bounds)
+        {
+            let reason = "announces more data than a block of its size can hold";
+            return Err(self.block_error(part, index, reason));
+        }
         compression
             .decompress_image_section_from_le(&described.header, compressed, bounds, false)
             .map_err(|error| match error {
@@ -220,6 +231,11 @@ impl ExrFile {
             described.label()
         ))
     }
+}
+
+/// Bytes of a decoded block; a payload of this size was not compressed.
+fn block_size(part: &Part, bounds: IntegerBounds) -> u64 {
+    bounds.size.0 as u64 * bounds.size.1 as u64 * part.header.channels.bytes_per_pixel as u64
 }
 
 /// Adds the file's name to an error about its header.

@@ -14,7 +14,7 @@ pub(crate) const TERMS: usize = 5;
 
 /// Updates of the long run, and how often it is compared.
 const LONG_RUN: usize = 1_000_000;
-const COMPARE_EVERY: usize = 100_000;
+const COMPARE_EVERY: usize = 10_000;
 /// Forgetting factor of the long run (LPR section 6).
 const LAMBDA: f64 = 0.98;
 /// Updates after which 0.98^n is below 1e-17: older ones are left out of the reference.
@@ -179,7 +179,7 @@ fn is_positive_definite(p: &[[f64; TERMS]; TERMS]) -> bool {
     .is_some()
 }
 
-/// A million updates with forgetting over the pixels of endless windows, compared every 100,000.
+/// A million updates with forgetting over the pixels of endless windows, compared every 10,000.
 pub(crate) fn long_run<R: Float, F: Form<R, TERMS>>(condition: f64, delta: f32) -> Worst {
     let mut random = Random::new(99);
     let windows: Vec<_> = (0..20)

@@ -89,7 +89,7 @@ pub(crate) fn markdown(all: &[Measured]) -> String {
     );
     section(
         &mut text,
-        "Prediction error, a million updates with lambda 0.98, worst of ten comparisons",
+        "Prediction error, a million updates with lambda 0.98, worst of a hundred comparisons",
         all,
         |form| Some(form.long.as_ref()?.iter().map(|w| w.prediction).collect()),
     );

@@ -1,0 +1,132 @@
+//! Variances of rows whose source has none.
+
+use std::ops::Range;
+
+use linpred_core::{BLOCK_HEIGHT, BLOCK_WIDTH, NOISE_HALO, NoiseBlock, NoisyBlock};
+use rayon::prelude::*;
+
+use crate::dispatch::Level;
+use crate::held_rows::{HeldRows, mirrored};
+use crate::row::{FEATURES, RowLayout, VarianceKind};
+
+/// Which variances are to be estimated.
+#[derive(Clone, Copy)]
+pub(crate) struct Missing {
+    colour: bool,
+    features: [bool; FEATURES],
+}
+
+impl Missing {
+    /// What `layout` lacks: a feature that is there without a variance needs one.
+    pub(crate) fn of(layout: &RowLayout) -> Self {
+        Self {
+            colour: layout.variance == VarianceKind::Estimated,
+            features: std::array::from_fn(|k| layout.features[k] && !layout.feature_variances[k]),
+        }
+    }
+
+    /// Rows that must be held around an estimated one.
+    pub(crate) fn halo(self) -> usize {
+        // A missing feature is filled from its neighbours, hence the 1.
+        if self.colour || self.features.contains(&true) {
+            NOISE_HALO + 1
+        } else {
+            0
+        }
+    }
+
+    /// Estimates the variances of `rows`, all of whose neighbours within the halo are held.
+    pub(crate) fn fill(
+        self,
+        held: &mut HeldRows,
+        layout: &RowLayout,
+        rows: Range<usize>,
+        level: Level,
+    ) {
+        if self.halo() == 0 {
+            return;
+        }
+        for first in rows.clone().step_by(BLOCK_HEIGHT) {
+            let end = rows.end.min(first + BLOCK_HEIGHT);
+            let columns: Vec<usize> = (0..layout.size.width()).step_by(BLOCK_WIDTH).collect();
+            for columns in columns.chunks(4 * rayon::current_num_threads()) {
+                let from: &HeldRows = held;
+                let blocks: Vec<Box<NoiseBlock>> = columns
+                    .par_iter()
+                    .map(|&x| self.estimate(from, layout, x, first, level))
+                    .collect();
+                for (block, &x) in blocks.iter().zip(columns) {
+                    self.store(
+                        held,
+                        block,
+                        x..layout.size.width().min(x + BLOCK_WIDTH),
+                        first..end,
+                    );
+                }
+            }
+        }
+    }
+
+    fn estimate(
+        self,
+        held: &HeldRows,
+        layout: &RowLayout,
+        x: usize,
+        y: usize,
+        level: Level,
+    ) -> Box<NoiseBlock> {
+        let input = load(held, layout, x, y);
+        let mut block = Box::new(NoiseBlock::NONE);
+        if self.features.contains(&true) {
+            level.estimate_feature_noise(&input, &mut block);
+        }
+        if self.colour {
+            level.estimate_colour_noise(&input, &mut block);
+        }
+        block
+    }
+
+    fn store(
+        self,
+        held: &mut HeldRows,
+        block: &NoiseBlock,
+        columns: Range<usize>,
+        rows: Range<usize>,
+    ) {
+        let width = columns.len();
+        for (y, row) in rows.enumerate() {
+            let target = held.row_mut(row);
+            if self.colour {
+                target.variance[columns.clone()].copy_from_slice(&block.colour[y][..width]);
+                for (variance, good) in target.variance.iter_mut().zip(&target.good) {
+                    *variance *= good;
+                }
+            }
+            for k in (0..FEATURES).filter(|k| self.features[*k]) {
+                target.feature_variances[k][columns.clone()]
+                    .copy_from_slice(&block.features[k][y][..width]);
+            }
+        }
+    }
+}
+
+fn load(held: &HeldRows, layout: &RowLayout, x: usize, y: usize) -> Box<NoisyBlock> {
+    let mut block = Box::new(NoisyBlock::BLACK);
+    let size = layout.size;
+    for row in 0..NoisyBlock::HEIGHT {
+        // Rows below the last that is wanted may not be held: any will do.
+        let wanted = mirrored((y + row) as isize - NOISE_HALO as isize, size.height());
+        let from_row = wanted.min(held.next() - 1);
+        let source = held.row(from_row as isize);
+        for column in 0..NoisyBlock::WIDTH {
+            let from = mirrored((x + column) as isize - NOISE_HALO as isize, size.width());
+            for (plane, colour) in block.colour.iter_mut().zip(&source.colour) {
+                plane[row][column] = colour[from];
+            }
+            for (k, plane) in block.features.iter_mut().enumerate() {
+                plane[row][column] = held.feature(k, from as isize, from_row as isize);
+            }
+        }
+    }
+    block
+}
