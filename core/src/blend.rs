@@ -75,6 +75,24 @@ impl Predictions {
     };
 }
 
+/// A layer over a tile (diffuse, one light, ...) that is denoised with the models of the beauty: the same windows, weights
+/// and blending on its own radiance, so that layers which sum to the beauty still do.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LayerTile {
+    /// Its radiance, red green blue; finite, 0 outside the image.
+    pub colour: [[f32; 3]; TILE_AREA],
+    /// Predictions times the weights that [`Sum::weight`] adds up.
+    pub sums: [[f32; 3]; TILE_AREA],
+}
+
+impl LayerTile {
+    /// A black layer.
+    pub const BLACK: Self = Self {
+        colour: [[0.0; 3]; TILE_AREA],
+        sums: [[0.0; 3]; TILE_AREA],
+    };
+}
+
 /// What becomes of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Denoised {
@@ -217,6 +235,37 @@ impl Window {
                 Formulas::Literal => 1.0,
             };
             *error = (bias + fit_variance) * sample.variance * radiance_squared / 3.0;
+        }
+    }
+
+    /// Adds the predictions of a layer, with the weights of the beauty's.
+    #[inline(always)]
+    pub(crate) fn add_layer(
+        &self,
+        (x, y): (usize, usize),
+        radius: usize,
+        coefficients: &[Terms; 3],
+        terms: &[Terms; WINDOW_AREA],
+        layer: &mut LayerTile,
+    ) {
+        for (i, (terms, &by)) in terms
+            .iter()
+            .zip(&RINGS)
+            .enumerate()
+            .take(window_pixels(radius))
+        {
+            let (px, py) = offset(x, y, by);
+            let (Some(&weight), Some(sum)) =
+                (self.weight.get(i), layer.sums.get_mut(py * TILE + px))
+            else {
+                return;
+            };
+            for (sum, value) in sum.iter_mut().zip(evaluate(coefficients, terms)) {
+                let added = value * weight;
+                if added.is_finite() {
+                    *sum += added;
+                }
+            }
         }
     }
 

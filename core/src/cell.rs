@@ -1,11 +1,11 @@
 //! One cell: build models only where earlier ones do not predict yet (LPR section 5.1).
 
-use crate::blend::{Predictions, Window};
+use crate::blend::{LayerTile, Predictions, Window};
 use crate::feature_space::{MAX_TERMS, Terms, local_features};
-use crate::fit::{Model, Samples, fit};
-use crate::literal::literal_fit;
+use crate::fit::{Samples, fit};
+use crate::literal::{literal_fit, literal_follow};
 use crate::params::{Formulas, Params};
-use crate::tile::{CELL, HALO, PixelState, Tile, WINDOW_AREA};
+use crate::tile::{CELL, HALO, PixelState, RINGS, TILE, TILE_AREA, Tile, WINDOW_AREA, offset};
 
 /// Granularity of each pass: centres are this far apart (LPR section 5.1: 19, then halved).
 const PASSES: [usize; 5] = [19, 9, 4, 2, 1];
@@ -15,6 +15,7 @@ pub struct Scratch {
     terms: [Terms; WINDOW_AREA],
     samples: Samples,
     window: Window,
+    layer: [[f32; 3]; WINDOW_AREA],
     coverage: [[u16; CELL]; CELL],
 }
 
@@ -25,6 +26,7 @@ impl Scratch {
             terms: [[0.0; MAX_TERMS]; WINDOW_AREA],
             samples: Samples::EMPTY,
             window: Window::EMPTY,
+            layer: [[0.0; 3]; WINDOW_AREA],
             coverage: [[0; CELL]; CELL],
         }
     }
@@ -36,19 +38,24 @@ impl Default for Scratch {
     }
 }
 
-/// Predicts a cell and what its models reach of its halo into `predictions`, and returns how many models that took.
+/// Predicts a cell and what its models reach of its halo into `predictions` and the layers' sums, and returns how many
+/// models that took.
 ///
-/// The result depends on the tile and the parameters alone: cells may be computed in any order and on any thread.
-/// `predictions` is overwritten. Never panics, never yields a value that is not finite. The stack holds some 20 KiB
-/// beside [`Scratch`].
+/// The result depends on the tile, the layers and the parameters alone: cells may be computed in any order and on any
+/// thread. What `predictions` and the sums held is overwritten. Never panics, never yields a value that is not
+/// finite. The stack holds some 20 KiB beside [`Scratch`]. A layer costs its own right-hand sides and predictions.
 #[inline(always)]
 pub fn denoise_cell<const D: usize>(
     tile: &Tile<D>,
     params: &Params,
+    layers: &mut [LayerTile],
     scratch: &mut Scratch,
     predictions: &mut Predictions,
 ) -> u32 {
     *predictions = Predictions::NONE;
+    for layer in layers.iter_mut() {
+        layer.sums = [[0.0; 3]; TILE_AREA];
+    }
     scratch.coverage = [[0; CELL]; CELL];
     let wanted = params.coverage.clamp(1, WINDOW_AREA as u16);
     let mut models = 0;
@@ -57,7 +64,15 @@ pub fn denoise_cell<const D: usize>(
             for x in (granularity / 2..CELL).step_by(granularity) {
                 let covered = scratch.coverage[y][x] >= wanted;
                 if !covered && is_open(tile.pixel(x + HALO, y + HALO).state, params.formulas) {
-                    build_model(tile, (x, y), params, scratch, predictions);
+                    let radius = build_model(
+                        tile,
+                        (x + HALO, y + HALO),
+                        params,
+                        layers,
+                        scratch,
+                        predictions,
+                    );
+                    cover(&mut scratch.coverage, x, y, radius);
                     models += 1;
                 }
             }
@@ -76,26 +91,94 @@ fn is_open(state: PixelState, formulas: Formulas) -> bool {
     }
 }
 
-/// Fits a model at (x, y) of the cell and adds its predictions.
+/// Fits a model at (x, y) of the tile, adds its predictions, and returns the half-width of its prediction window.
 #[inline(always)]
 fn build_model<const D: usize>(
     tile: &Tile<D>,
-    (x, y): (usize, usize),
+    centre: (usize, usize),
     params: &Params,
+    layers: &mut [LayerTile],
     scratch: &mut Scratch,
     predictions: &mut Predictions,
-) {
-    let centre = (x + HALO, y + HALO);
+) -> usize {
     if !scratch.samples.read(tile, centre) {
-        return;
+        return 0;
     }
-    let terms = local_features(tile, centre, params.truncation, &mut scratch.terms);
-    let model = fit_terms(terms, scratch, params);
-    scratch
-        .window
-        .predict(&model, &scratch.terms, &scratch.samples, params.formulas);
-    scratch.window.add_to(centre, &model, predictions);
-    cover(&mut scratch.coverage, x, y, model.radius);
+    // A window of rank 3 pays for rank 3.
+    match local_features(tile, centre, params.truncation, &mut scratch.terms) {
+        0 | 1 => build_with::<1>(centre, params, layers, scratch, predictions),
+        2 => build_with::<2>(centre, params, layers, scratch, predictions),
+        3 => build_with::<3>(centre, params, layers, scratch, predictions),
+        4 => build_with::<4>(centre, params, layers, scratch, predictions),
+        5 => build_with::<5>(centre, params, layers, scratch, predictions),
+        6 => build_with::<6>(centre, params, layers, scratch, predictions),
+        7 => build_with::<7>(centre, params, layers, scratch, predictions),
+        8 => build_with::<8>(centre, params, layers, scratch, predictions),
+        9 => build_with::<9>(centre, params, layers, scratch, predictions),
+        10 => build_with::<10>(centre, params, layers, scratch, predictions),
+        11 => build_with::<11>(centre, params, layers, scratch, predictions),
+        12 => build_with::<12>(centre, params, layers, scratch, predictions),
+        13 => build_with::<13>(centre, params, layers, scratch, predictions),
+        14 => build_with::<14>(centre, params, layers, scratch, predictions),
+        15 => build_with::<15>(centre, params, layers, scratch, predictions),
+        _ => build_with::<16>(centre, params, layers, scratch, predictions),
+    }
+}
+
+/// The same for a model of `T` terms.
+#[inline(always)]
+fn build_with<const T: usize>(
+    centre: (usize, usize),
+    params: &Params,
+    layers: &mut [LayerTile],
+    scratch: &mut Scratch,
+    predictions: &mut Predictions,
+) -> usize {
+    let Scratch {
+        terms,
+        samples,
+        window,
+        layer: colours,
+        ..
+    } = scratch;
+    match params.formulas {
+        Formulas::Robust => {
+            let fitted = fit::<T>(terms, &samples.list, params);
+            window.predict(&fitted.model, terms, samples, params.formulas);
+            window.add_to(centre, &fitted.model, predictions);
+            for layer in layers {
+                read_layer(layer, centre, colours);
+                let coefficients = fitted.follow(terms, &samples.list, colours);
+                window.add_layer(centre, fitted.model.radius, &coefficients, terms, layer);
+            }
+            fitted.model.radius
+        }
+        Formulas::Literal => {
+            let model = literal_fit::<T>(terms, &samples.list, params);
+            window.predict(&model, terms, samples, params.formulas);
+            window.add_to(centre, &model, predictions);
+            for layer in layers {
+                read_layer(layer, centre, colours);
+                let coefficients =
+                    literal_follow::<T>(terms, &samples.list, colours, model.radius, params);
+                window.add_layer(centre, model.radius, &coefficients, terms, layer);
+            }
+            model.radius
+        }
+    }
+}
+
+/// A layer's radiance in the window around (x, y), ring after ring.
+#[inline(always)]
+fn read_layer(layer: &LayerTile, (x, y): (usize, usize), colours: &mut [[f32; 3]; WINDOW_AREA]) {
+    for (colour, &by) in colours.iter_mut().zip(&RINGS) {
+        let (px, py) = offset(x, y, by);
+        *colour = layer
+            .colour
+            .get(py * TILE + px)
+            .copied()
+            .unwrap_or([0.0; 3]);
+    }
 }
 
 /// Counts the model's prediction window in the cell.
@@ -113,36 +196,5 @@ fn cover(coverage: &mut [[u16; CELL]; CELL], x: usize, y: usize, radius: usize) 
         {
             *count += 1;
         }
-    }
-}
-
-/// Picks the fit of as many terms as the window has: a window of rank 3 pays for rank 3.
-#[inline(always)]
-fn fit_terms(terms: usize, scratch: &Scratch, params: &Params) -> Model {
-    match terms {
-        0 | 1 => fit_with::<1>(scratch, params),
-        2 => fit_with::<2>(scratch, params),
-        3 => fit_with::<3>(scratch, params),
-        4 => fit_with::<4>(scratch, params),
-        5 => fit_with::<5>(scratch, params),
-        6 => fit_with::<6>(scratch, params),
-        7 => fit_with::<7>(scratch, params),
-        8 => fit_with::<8>(scratch, params),
-        9 => fit_with::<9>(scratch, params),
-        10 => fit_with::<10>(scratch, params),
-        11 => fit_with::<11>(scratch, params),
-        12 => fit_with::<12>(scratch, params),
-        13 => fit_with::<13>(scratch, params),
-        14 => fit_with::<14>(scratch, params),
-        15 => fit_with::<15>(scratch, params),
-        _ => fit_with::<16>(scratch, params),
-    }
-}
-
-#[inline(always)]
-fn fit_with<const T: usize>(scratch: &Scratch, params: &Params) -> Model {
-    match params.formulas {
-        Formulas::Robust => fit::<T>(&scratch.terms, &scratch.samples.list, params),
-        Formulas::Literal => literal_fit::<T>(&scratch.terms, &scratch.samples.list, params),
     }
 }

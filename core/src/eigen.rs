@@ -28,6 +28,7 @@ impl<const D: usize> SymmetricEigen<D> {
     ///
     /// Any finite matrix is decomposed to finite numbers, denormal and huge ones among them (an eigenvalue beyond f32
     /// is given as the largest finite float). Same input, same bits. Cost: about `6 D^3` multiply-adds a sweep, 4 to 6 sweeps.
+    #[inline(always)]
     pub fn new(matrix: &[[f32; D]; D]) -> Option<Self> {
         const {
             assert!(
@@ -54,6 +55,7 @@ impl<const D: usize> SymmetricEigen<D> {
 }
 
 /// The largest magnitude of the upper triangle, `None` if something in it is not finite.
+#[inline(always)]
 fn largest_magnitude<const D: usize>(matrix: &[[f32; D]; D]) -> Option<f32> {
     let mut largest = 0.0f32;
     for i in 0..D {
@@ -69,6 +71,7 @@ fn largest_magnitude<const D: usize>(matrix: &[[f32; D]; D]) -> Option<f32> {
 }
 
 /// The matrix in [-1, 1], so that no product in a rotation overflows and thresholds are relative.
+#[inline(always)]
 fn scaled_and_mirrored<const D: usize>(matrix: &[[f32; D]; D], scale: f32) -> [[f32; D]; D] {
     let mut scaled = [[0.0; D]; D];
     if scale > 0.0 {
@@ -83,6 +86,7 @@ fn scaled_and_mirrored<const D: usize>(matrix: &[[f32; D]; D], scale: f32) -> [[
     scaled
 }
 
+#[inline(always)]
 fn identity<const D: usize>() -> [[f32; D]; D] {
     let mut identity = [[0.0; D]; D];
     for (i, row) in identity.iter_mut().enumerate() {
@@ -97,6 +101,7 @@ fn identity<const D: usize>() -> [[f32; D]; D] {
 ///
 /// An element below a sixteenth of a unit in the last place of the largest is left: a row of them moves an eigenvalue by less
 /// than rounding does.
+#[inline(always)]
 fn sweep<const D: usize>(matrix: &mut [[f32; D]; D], vectors: &mut [[f32; D]; D]) -> bool {
     let mut rotated = false;
     for p in 0..D {
@@ -111,7 +116,7 @@ fn sweep<const D: usize>(matrix: &mut [[f32; D]; D], vectors: &mut [[f32; D]; D]
 }
 
 /// One Jacobi rotation in the plane (p, q) (Golub and Van Loan, Matrix Computations, section 8.5.2).
-#[inline]
+#[inline(always)]
 fn rotate<const D: usize>(
     matrix: &mut [[f32; D]; D],
     vectors: &mut [[f32; D]; D],
@@ -148,6 +153,7 @@ fn mix_rows<const D: usize>(rows: &mut [[f32; D]; D], p: usize, q: usize, cosine
 }
 
 /// Insertion sort of the values, falling, and of the vectors with them; equal values keep their order.
+#[inline(always)]
 fn sort_falling<const D: usize>(values: &mut [f32; D], vectors: &mut [[f32; D]; D]) {
     for m in 1..D {
         let mut place = m;

@@ -11,7 +11,7 @@
 
 use crate::feature_space::{MAX_TERMS, Terms};
 use crate::float::sqrt;
-use crate::normal::{NormalEquations, Solution};
+use crate::normal::{Gram, Moments, NormalEquations, Solution};
 use crate::params::Params;
 use crate::prior::Prior;
 use crate::tile::{RADIUS, RINGS, Tile, WINDOW_AREA, offset, window_pixels};
@@ -87,8 +87,44 @@ pub(crate) struct Model {
     pub(crate) terms: usize,
     /// Coefficients per channel; 0 beyond the terms.
     pub(crate) coefficients: [Terms; 3],
-    /// Weight of its predictions where it knows no pixel to check them by: 1 / xi, bounded.
+    /// Estimated mean squared error over its prediction window, by which its radius was chosen.
     pub(crate) risk: f32,
+}
+
+/// A model, and what it takes to fit more channels in its way.
+pub(crate) struct Fitted<const T: usize> {
+    pub(crate) model: Model,
+    /// Sums and factor at the model's radius; `None` at r = 0.
+    system: Option<(Gram<T>, Solution<T>)>,
+}
+
+impl<const T: usize> Fitted<T> {
+    /// The coefficients of a layer's channels: same window, same weights, same strengths.
+    #[inline(always)]
+    pub(crate) fn follow(
+        &self,
+        terms: &[Terms; WINDOW_AREA],
+        samples: &[Sample; WINDOW_AREA],
+        layer: &[[f32; 3]; WINDOW_AREA],
+    ) -> [Terms; 3] {
+        let [centre, ..] = layer;
+        let start = Prior::<T>::at_centre(centre, 0.0, 0.0).coefficients;
+        let Some((gram, solution)) = &self.system else {
+            return padded(&start);
+        };
+        let mut moments = Moments::new();
+        for ((terms, sample), layer) in terms
+            .iter()
+            .zip(samples)
+            .zip(layer)
+            .take(window_pixels(self.model.radius))
+        {
+            if let Some(terms) = terms.first_chunk::<T>() {
+                moments.add(terms, layer, sample.weight);
+            }
+        }
+        padded(&solution.follow(gram, &moments, &start).unwrap_or(start))
+    }
 }
 
 /// Fits the window's samples on the first `T` of its terms.
@@ -97,7 +133,7 @@ pub(crate) fn fit<const T: usize>(
     terms: &[Terms; WINDOW_AREA],
     samples: &[Sample; WINDOW_AREA],
     params: &Params,
-) -> Model {
+) -> Fitted<T> {
     let mut growth = Growth::<T>::new(samples);
     for radius in 1..=RADIUS {
         growth.grow(radius, terms, samples, params);
@@ -115,7 +151,7 @@ struct Growth<const T: usize> {
     noise: f32,
     /// Accumulated risk, xi_acc of LPR Eq. 4, without the noise.
     risk: f32,
-    best: Model,
+    best: Fitted<T>,
 }
 
 impl<const T: usize> Growth<T> {
@@ -129,7 +165,10 @@ impl<const T: usize> Growth<T> {
             weights: 0.0,
             noise: 0.0,
             risk: 0.0,
-            best: constant_model(centre),
+            best: Fitted {
+                model: constant_model(centre),
+                system: None,
+            },
         };
         let mut first = [0.0; T];
         if let Some(one) = first.first_mut() {
@@ -185,48 +224,37 @@ impl<const T: usize> Growth<T> {
         // Variance of a pixel of average weight: with weights of 1 / variance it is 1 whatever the brightness.
         let noise = self.noise / self.pixels.max(1.0);
         if radius < FIRST_TEST_RING {
-            self.risk = self.stein(&solution, noise, outer, terms, samples);
+            self.risk = self.stein(&solution, noise);
         } else {
             self.risk += test;
         }
         let floor = RISK_FLOOR * noise * T as f32;
         let risk = self.risk.max(floor) / self.weights;
-        if risk < self.best.risk {
-            self.best = Model {
+        if risk < self.best.model.risk {
+            let model = Model {
                 radius,
                 terms: T,
                 coefficients: padded(&self.previous),
                 risk,
+            };
+            self.best = Fitted {
+                model,
+                system: Some((*self.sums.gram(), solution)),
             };
         }
     }
 
     /// Stein's unbiased risk, `RSS - sum w var + 2 trace(P sum w^2 var z z^T)` with `w var` at its mean.
     #[inline(always)]
-    fn stein(
-        &self,
-        solution: &Solution<T>,
-        noise: f32,
-        pixels: usize,
-        terms: &[Terms; WINDOW_AREA],
-        samples: &[Sample; WINDOW_AREA],
-    ) -> f32 {
-        let mut residual = 0.0;
-        for (terms, sample) in terms.iter().zip(samples).take(pixels) {
-            let Some(terms) = terms.first_chunk::<T>() else {
-                continue;
-            };
-            if sample.weight > 0.0 {
-                residual += sample.weight * squared_distance(&self.previous, terms, &sample.colour);
-            }
-        }
+    fn stein(&self, solution: &Solution<T>, noise: f32) -> f32 {
+        let residual: f32 = self.sums.residual_squares(&self.previous).iter().sum();
         let freedom = solution.trace(self.sums.gram());
         (residual - self.noise + 2.0 * noise * freedom).max(RISK_FLOOR * noise * freedom)
     }
 }
 
 /// The centre itself, as a model of r = 0: its risk is its variance (LPR section 4.2).
-fn constant_model(centre: &Sample) -> Model {
+pub(crate) fn constant_model(centre: &Sample) -> Model {
     let mut coefficients = [[0.0; MAX_TERMS]; 3];
     for (coefficients, &colour) in coefficients.iter_mut().zip(&centre.colour) {
         if let Some(intercept) = coefficients.first_mut() {

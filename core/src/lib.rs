@@ -20,14 +20,14 @@ mod prior;
 mod rls;
 mod tile;
 
-pub use blend::{Denoised, Predictions, Sum, resolve, resolve_layer};
+pub use blend::{Denoised, LayerTile, Predictions, Sum, resolve, resolve_layer};
 pub use cell::{Scratch, denoise_cell};
 pub use eigen::SymmetricEigen;
 pub use feature_space::MAX_TERMS;
 pub use noise::{
     NOISE_HALO, NoiseBlock, NoisePlane, NoisyBlock, estimate_colour_noise, estimate_feature_noise,
 };
-pub use normal::{Gram, NormalEquations, NotFinite, Solution};
+pub use normal::{Gram, Moments, NormalEquations, NotFinite, Solution};
 pub use params::Formulas;
 pub use params::{Params, Quality};
 pub use prefilter::{FeatureGroup, FeaturePlane, FilteredGroup, PREFILTER_HALO, prefilter};

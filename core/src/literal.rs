@@ -3,11 +3,41 @@
 //! Beside the raw validation error they differ from [`crate::fit`] in weighting every valid pixel alike.
 
 use crate::feature_space::Terms;
-use crate::fit::{Model, Sample, padded};
+use crate::fit::{Model, Sample, constant_model, padded};
 use crate::params::Params;
 use crate::prior::Prior;
 use crate::rls::Rls;
 use crate::tile::{RADIUS, WINDOW_AREA, window_pixels};
+
+/// The coefficients of a layer's channels in the way of a model of half-width `radius`.
+#[inline(always)]
+pub(crate) fn literal_follow<const T: usize>(
+    terms: &[Terms; WINDOW_AREA],
+    samples: &[Sample; WINDOW_AREA],
+    layer: &[[f32; 3]; WINDOW_AREA],
+    radius: usize,
+    params: &Params,
+) -> [Terms; 3] {
+    let [centre, ..] = layer;
+    let prior = Prior::at_centre(centre, params.intercept_strength, params.gradient_strength);
+    let mut rls = Rls::<T>::new(&prior);
+    if radius > 0 {
+        for ((terms, sample), layer) in terms
+            .iter()
+            .zip(samples)
+            .zip(layer)
+            .take(window_pixels(radius))
+        {
+            if let Some(terms) = terms.first_chunk::<T>() {
+                if sample.weight > 0.0 {
+                    // An update that is refused leaves the model as it was.
+                    let _ = rls.update(terms, layer, 1.0);
+                }
+            }
+        }
+    }
+    padded(rls.coefficients())
+}
 
 /// Fits the window's samples on the first `T` of its terms by recursive least squares.
 #[inline(always)]
@@ -24,14 +54,8 @@ pub(crate) fn literal_fit<const T: usize>(
     );
     let mut rls = Rls::<T>::new(&prior);
     let mut best = Model {
-        radius: 0,
         terms: T,
-        coefficients: padded(&prior.coefficients),
-        risk: if centre.weight > 0.0 {
-            centre.variance
-        } else {
-            f32::MAX
-        },
+        ..constant_model(centre)
     };
     take_in(&mut rls, terms, samples, 0, 1);
     let mut accumulated = 0.0;

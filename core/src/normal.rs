@@ -50,11 +50,13 @@ impl<const T: usize> Gram<T> {
     }
 
     /// Adds one pixel's `w z z^T`.
+    #[inline(always)]
     pub fn add(&mut self, z: &[f32; T], weight: f32) {
         let z = z.map(f64::from);
         self.add_scaled(&z, &z.map(|v| v * f64::from(weight)));
     }
 
+    #[inline(always)]
     fn add_scaled(&mut self, z: &[f64; T], wz: &[f64; T]) {
         for i in 0..T {
             for j in i..T {
@@ -63,6 +65,7 @@ impl<const T: usize> Gram<T> {
         }
     }
 
+    #[inline(always)]
     fn entry(&self, i: usize, j: usize) -> f64 {
         self.upper[i.min(j)][i.max(j)]
     }
@@ -99,16 +102,14 @@ impl<const T: usize> NormalEquations<T> {
     /// Adds one pixel: regressors `z` (1 first), radiance `y`, `weight >= 0` of its squared residual.
     ///
     /// A value that is not finite spoils the sums: [`solve`](Self::solve) then says so. Cost: `T (T + 1) / 2 + 3 T` multiply-adds.
+    #[inline(always)]
     pub fn add(&mut self, z: &[f32; T], y: &[f32; CHANNELS], weight: f32) {
         let z = z.map(f64::from);
         let wz = z.map(|v| v * f64::from(weight));
         self.gram.add_scaled(&z, &wz);
-        for c in 0..CHANNELS {
-            let y = f64::from(y[c]);
-            for j in 0..T {
-                self.moments[c][j] += wz[j] * y;
-            }
-            self.squares[c] += f64::from(weight) * y * y;
+        add_moments(&mut self.moments, &wz, y);
+        for (square, &y) in self.squares.iter_mut().zip(y) {
+            *square += f64::from(weight) * f64::from(y) * f64::from(y);
         }
     }
 
@@ -125,36 +126,18 @@ impl<const T: usize> NormalEquations<T> {
     ///
     /// # Errors
     /// [`NotFinite`] if a value that was added, or the prior, was not finite.
+    #[inline(always)]
     pub fn solve(&self, prior: &Prior<T>) -> Result<Solution<T>, NotFinite> {
         const { assert!(T >= 1, "a model has an intercept") };
         let factor = Factor::new(&self.gram, &prior.strengths)?;
-        let mut beta = prior.coefficients;
-        for (beta, moments) in beta.iter_mut().zip(&self.moments) {
-            let pull = self.gram.times(beta);
-            let mut change = [0.0; T];
-            for j in 0..T {
-                change[j] = moments[j] - pull[j];
-            }
-            factor.solve(&mut change);
-            for j in 0..T {
-                let value = f64::from(beta[j]) + change[j];
-                if !value.is_finite() {
-                    return Err(NotFinite);
-                }
-                beta[j] = saturate(value);
-            }
-        }
-        Ok(Solution {
-            beta,
-            whitening: factor.whitening(),
-            terms: factor.terms,
-            log_determinant: factor.log_determinant,
-        })
+        let beta = factor.minimiser(&self.gram, &self.moments, &prior.coefficients)?;
+        Ok(Solution { beta, factor })
     }
 
     /// `sum w (beta^T z - y)^2` per channel over the pixels so far, without touching them again; never negative.
     ///
     /// Absolute error: some 1e-15 of `sum w y^2` and `sum w (beta^T z)^2`, the price of a difference of large sums.
+    #[inline(always)]
     pub fn residual_squares(&self, beta: &[[f32; T]; CHANNELS]) -> [f32; CHANNELS] {
         let mut residual = [0.0; CHANNELS];
         for c in 0..CHANNELS {
@@ -176,6 +159,7 @@ impl<const T: usize> Default for NormalEquations<T> {
 }
 
 impl<const T: usize> Gram<T> {
+    #[inline(always)]
     fn times(&self, x: &[f32; T]) -> [f64; T] {
         let mut product = [0.0; T];
         for i in 0..T {
@@ -187,20 +171,73 @@ impl<const T: usize> Gram<T> {
     }
 }
 
-/// A fitted model: coefficients, and the factor of P that its uncertainty needs.
+/// `sum w z y` over pixels, for three more channels on the same regressors and weights.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moments<const T: usize> {
+    sums: [[f64; T]; CHANNELS],
+}
+
+impl<const T: usize> Moments<T> {
+    /// The sums over no pixels.
+    pub const fn new() -> Self {
+        Self {
+            sums: [[0.0; T]; CHANNELS],
+        }
+    }
+
+    /// Adds one pixel's `w z y`. Cost: `3 T` multiply-adds.
+    #[inline(always)]
+    pub fn add(&mut self, z: &[f32; T], y: &[f32; CHANNELS], weight: f32) {
+        let wz = z.map(|v| f64::from(v) * f64::from(weight));
+        add_moments(&mut self.sums, &wz, y);
+    }
+}
+
+impl<const T: usize> Default for Moments<T> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+#[inline(always)]
+fn add_moments<const T: usize>(
+    sums: &mut [[f64; T]; CHANNELS],
+    wz: &[f64; T],
+    y: &[f32; CHANNELS],
+) {
+    for (sums, &y) in sums.iter_mut().zip(y) {
+        for (sum, wz) in sums.iter_mut().zip(wz) {
+            *sum += wz * f64::from(y);
+        }
+    }
+}
+
+/// A fitted model: coefficients, and the factor of P that its uncertainty and further channels need.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solution<const T: usize> {
     beta: [[f32; T]; CHANNELS],
-    /// Lower triangular W with `P = W^T W`.
-    whitening: [[f32; T]; T],
-    terms: usize,
-    log_determinant: f64,
+    factor: Factor<T>,
 }
 
 impl<const T: usize> Solution<T> {
     /// Coefficients per channel, the largest finite value where one would overflow.
     pub const fn coefficients(&self) -> &[[f32; T]; CHANNELS] {
         &self.beta
+    }
+
+    /// The coefficients of further channels on the same pixels, with the same strengths: linear in the moments and in
+    /// `prior`, so those of parts of a radiance add up to those of the whole. `gram` is that of the fit.
+    ///
+    /// # Errors
+    /// [`NotFinite`] if a moment or prior coefficient was not finite.
+    #[inline(always)]
+    pub fn follow(
+        &self,
+        gram: &Gram<T>,
+        moments: &Moments<T>,
+        prior: &[[f32; T]; CHANNELS],
+    ) -> Result<[[f32; T]; CHANNELS], NotFinite> {
+        self.factor.minimiser(gram, &moments.sums, prior)
     }
 
     /// `beta^T z` of each channel, at the largest finite value where it would overflow; 0 if `z` is not finite.
@@ -212,7 +249,7 @@ impl<const T: usize> Solution<T> {
     /// prediction in units of that pixel's; the largest finite value where it would overflow or `z` is not finite.
     pub fn leverage(&self, z: &[f32; T]) -> f32 {
         let mut sum = 0.0;
-        for (i, row) in self.whitening.iter().enumerate() {
+        for (i, row) in self.factor.whitening().iter().enumerate() {
             let mut white = 0.0;
             for (w, z) in row.iter().zip(z).take(i + 1) {
                 white += w * z;
@@ -223,10 +260,11 @@ impl<const T: usize> Solution<T> {
     }
 
     /// `trace(P gram)`: the sum over that sum's pixels of `w z^T P z`. With the model's own [`NormalEquations::gram`], its degrees of
-    /// freedom; with weights of `variance`, Stein's penalty.
+    /// freedom; with weights of `variance`, Stein's penalty. Cost: `T^3` multiply-adds.
+    #[inline(always)]
     pub fn trace(&self, gram: &Gram<T>) -> f32 {
         let mut sum = 0.0;
-        for row in &self.whitening {
+        for row in &self.factor.whitening() {
             let product = gram.times(row);
             for (w, v) in row.iter().zip(&product) {
                 sum += f64::from(*w) * v;
@@ -237,31 +275,37 @@ impl<const T: usize> Solution<T> {
 
     /// Terms that the pixels and the prior determine, at most `T`.
     pub const fn terms(&self) -> usize {
-        self.terms
+        self.factor.terms
     }
 
     /// Natural logarithm of the determinant of the regularised Gramian, over the determined terms.
-    pub const fn log_determinant(&self) -> f64 {
-        self.log_determinant
+    pub fn log_determinant(&self) -> f64 {
+        let mut sum = 0.0;
+        for &inverse in &self.factor.inverse {
+            if inverse > 0.0 {
+                sum -= ln_f64(inverse);
+            }
+        }
+        sum
     }
 }
 
 /// `L D L^T` of the regularised Gramian, L unit lower triangular.
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Factor<const T: usize> {
     lower: [[f64; T]; T],
     /// 1 / D, 0 for a term without information.
     inverse: [f64; T],
     terms: usize,
-    log_determinant: f64,
 }
 
 impl<const T: usize> Factor<T> {
+    #[inline(always)]
     fn new(gram: &Gram<T>, strengths: &[f32; T]) -> Result<Self, NotFinite> {
         let mut factor = Self {
             lower: [[0.0; T]; T],
             inverse: [0.0; T],
             terms: 0,
-            log_determinant: 0.0,
         };
         // Until a column is divided by its pivot it holds L D.
         for j in 0..T {
@@ -285,10 +329,10 @@ impl<const T: usize> Factor<T> {
         Ok(factor)
     }
 
+    #[inline(always)]
     fn eliminate(&mut self, gram: &Gram<T>, j: usize, pivot: f64) {
         self.inverse[j] = 1.0 / pivot;
         self.terms += 1;
-        self.log_determinant += ln_f64(pivot);
         for i in j + 1..T {
             let mut sum = gram.upper[j][i];
             for k in 0..j {
@@ -298,6 +342,34 @@ impl<const T: usize> Factor<T> {
         }
     }
 
+    /// `beta(0) + P (moments - gram beta(0))` per channel.
+    #[inline(always)]
+    fn minimiser(
+        &self,
+        gram: &Gram<T>,
+        moments: &[[f64; T]; CHANNELS],
+        prior: &[[f32; T]; CHANNELS],
+    ) -> Result<[[f32; T]; CHANNELS], NotFinite> {
+        let mut beta = *prior;
+        for (beta, moments) in beta.iter_mut().zip(moments) {
+            let pull = gram.times(beta);
+            let mut change = [0.0; T];
+            for j in 0..T {
+                change[j] = moments[j] - pull[j];
+            }
+            self.solve(&mut change);
+            for j in 0..T {
+                let value = f64::from(beta[j]) + change[j];
+                if !value.is_finite() {
+                    return Err(NotFinite);
+                }
+                beta[j] = saturate(value);
+            }
+        }
+        Ok(beta)
+    }
+
+    #[inline(always)]
     fn solve(&self, x: &mut [f64; T]) {
         for j in 0..T {
             for k in 0..j {
@@ -313,6 +385,7 @@ impl<const T: usize> Factor<T> {
     }
 
     /// `D^-1/2 L^-1`.
+    #[inline(always)]
     fn whitening(&self) -> [[f32; T]; T] {
         let mut whitening = [[0.0; T]; T];
         for column in 0..T {

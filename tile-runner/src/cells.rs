@@ -1,12 +1,16 @@
 //! A row of cells: tiles in, predictions out, added up in the order of the cells.
 
-use linpred_core::{CELL, HALO, Params, Pixel, PixelState, Predictions, Scratch, Sum, TILE, Tile};
+use linpred_core::{
+    CELL, HALO, LayerTile, Params, Pixel, PixelState, Predictions, Scratch, Sum, TILE, TILE_AREA,
+    Tile,
+};
 use rayon::prelude::*;
 
 use crate::blocks::PreparedRows;
 use crate::dispatch::{Level, TILE_FEATURES};
 use crate::geometry::ImageSize;
 use crate::held_rows::HeldRows;
+use crate::row::RowLayout;
 
 /// The prepared rows that a row of cells reads: the one above, its own, the one below.
 pub(crate) struct Neighbourhood<'a> {
@@ -66,6 +70,32 @@ impl Neighbourhood<'_> {
             }
         }
     }
+
+    fn load_layer(&self, tile: &mut LayerTile, layer: usize, column: usize) {
+        tile.colour = [[0.0; 3]; TILE_AREA];
+        for ty in 0..TILE {
+            let y = (self.row * CELL + ty)
+                .checked_sub(HALO)
+                .filter(|y| *y < self.size.height());
+            let Some(y) = y else { continue };
+            let planes = &self.band.row(y as isize).layers[layer];
+            for tx in 0..TILE {
+                let x = (column * CELL + tx)
+                    .checked_sub(HALO)
+                    .filter(|x| *x < self.size.width());
+                if let Some(x) = x {
+                    tile.colour[ty * TILE + tx] = std::array::from_fn(|c| planes[c][x]);
+                }
+            }
+        }
+    }
+}
+
+/// What became of one cell.
+struct Outcome {
+    models: u32,
+    predictions: Box<Predictions>,
+    layers: Vec<LayerTile>,
 }
 
 /// Working memory of a thread.
@@ -80,15 +110,19 @@ pub(crate) struct SumRows {
     /// The first row held.
     first: isize,
     sums: Vec<Sum>,
+    /// Sums of each layer, red green blue.
+    layers: Vec<Vec<[f32; 3]>>,
 }
 
 impl SumRows {
     /// Sums for the first row of cells.
-    pub(crate) fn new(size: ImageSize) -> Self {
+    pub(crate) fn new(layout: &RowLayout) -> Self {
+        let pixels = layout.size.width() * TILE;
         Self {
-            width: size.width(),
+            width: layout.size.width(),
             first: -(HALO as isize),
-            sums: vec![Sum::NONE; size.width() * TILE],
+            sums: vec![Sum::NONE; pixels],
+            layers: vec![vec![[0.0; 3]; pixels]; layout.layers],
         }
     }
 
@@ -98,11 +132,21 @@ impl SumRows {
         &self.sums[start..start + self.width]
     }
 
+    /// The sums of row `y` of a layer.
+    pub(crate) fn layer_row(&self, layer: usize, y: usize) -> &[[f32; 3]] {
+        let start = (y as isize - self.first) as usize * self.width;
+        &self.layers[layer][start..start + self.width]
+    }
+
     /// Moves on by a row of cells: the rows that no later cell reaches are let go.
     pub(crate) fn advance(&mut self) {
         self.sums.copy_within(CELL * self.width.., 0);
         let kept = (TILE - CELL) * self.width;
         self.sums[kept..].fill(Sum::NONE);
+        for sums in &mut self.layers {
+            sums.copy_within(CELL * self.width.., 0);
+            sums[kept..].fill([0.0; 3]);
+        }
         self.first += CELL as isize;
     }
 
@@ -111,39 +155,65 @@ impl SumRows {
         let columns: Vec<usize> = (0..around.size.width().div_ceil(CELL)).collect();
         let mut models = 0;
         for columns in columns.chunks(4 * rayon::current_num_threads()) {
-            let results: Vec<(u32, Box<Predictions>)> = columns
+            let outcomes: Vec<Outcome> = columns
                 .par_iter()
                 .map_init(bench, |bench, &column| {
-                    let mut predictions = Box::new(Predictions::NONE);
-                    around.load(&mut bench.tile, column);
-                    let models = level.denoise_cell(
-                        &bench.tile,
-                        params,
-                        &mut bench.scratch,
-                        &mut predictions,
-                    );
-                    (models, predictions)
+                    bench.denoise(around, column, params, level, self.layers.len())
                 })
                 .collect();
-            for ((count, predictions), &column) in results.iter().zip(columns) {
-                models += u64::from(*count);
-                self.add(predictions, column);
+            for (outcome, &column) in outcomes.iter().zip(columns) {
+                models += u64::from(outcome.models);
+                self.add(outcome, column);
             }
         }
         models
     }
 
-    fn add(&mut self, predictions: &Predictions, column: usize) {
-        for (ty, row) in predictions.sums.chunks_exact(TILE).enumerate() {
-            for (tx, sum) in row.iter().enumerate() {
-                let x = (column * CELL + tx)
-                    .checked_sub(HALO)
-                    .filter(|x| *x < self.width);
-                if let Some(x) = x {
-                    self.sums[ty * self.width + x].add(sum);
+    fn add(&mut self, outcome: &Outcome, column: usize) {
+        let columns = column * CELL..self.width.min(column * CELL + TILE - HALO) + HALO;
+        for ty in 0..TILE {
+            for (tx, x) in columns.clone().enumerate() {
+                let Some(x) = x.checked_sub(HALO) else {
+                    continue;
+                };
+                let (from, to) = (ty * TILE + tx, ty * self.width + x);
+                self.sums[to].add(&outcome.predictions.sums[from]);
+                for (sums, layer) in self.layers.iter_mut().zip(&outcome.layers) {
+                    for (sum, value) in sums[to].iter_mut().zip(layer.sums[from]) {
+                        *sum += value;
+                    }
                 }
             }
         }
+    }
+}
+
+impl Bench {
+    fn denoise(
+        &mut self,
+        around: &Neighbourhood,
+        column: usize,
+        params: &Params,
+        level: Level,
+        layers: usize,
+    ) -> Outcome {
+        around.load(&mut self.tile, column);
+        let mut outcome = Outcome {
+            models: 0,
+            predictions: Box::new(Predictions::NONE),
+            layers: vec![LayerTile::BLACK; layers],
+        };
+        for (layer, tile) in outcome.layers.iter_mut().enumerate() {
+            around.load_layer(tile, layer, column);
+        }
+        let Outcome {
+            predictions,
+            layers,
+            ..
+        } = &mut outcome;
+        outcome.models =
+            level.denoise_cell(&self.tile, params, layers, &mut self.scratch, predictions);
+        outcome
     }
 }
 

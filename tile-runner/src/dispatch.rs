@@ -4,9 +4,9 @@
 //! make it faster.
 
 use linpred_core::{
-    ColourBlock, FeatureGroup, FilteredGroup, NoiseBlock, NoisyBlock, Params, Predictions,
-    PreparedBlock, Scratch, Tile, denoise_cell, estimate_colour_noise, estimate_feature_noise,
-    prefilter, prepare,
+    ColourBlock, FeatureGroup, FilteredGroup, LayerTile, NoiseBlock, NoisyBlock, Params,
+    Predictions, PreparedBlock, Scratch, Tile, denoise_cell, estimate_colour_noise,
+    estimate_feature_noise, prefilter, prepare,
 };
 
 use crate::row::FEATURES;
@@ -87,6 +87,7 @@ dispatched! {
     denoise_cell(
         tile: &Tile<TILE_FEATURES>,
         params: &Params,
+        layers: &mut [LayerTile],
         scratch: &mut Scratch,
         predictions: &mut Predictions
     ) -> u32

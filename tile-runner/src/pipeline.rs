@@ -13,7 +13,7 @@
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
-use linpred_core::{CELL, HALO, Params, PixelState, resolve};
+use linpred_core::{CELL, HALO, Params, PixelState, resolve, resolve_layer};
 
 use crate::blocks::{BLOCK_HALO, PreparedRows};
 use crate::cells::{Neighbourhood, SumRows};
@@ -106,7 +106,7 @@ impl Frame {
             estimated: 0,
             band: HeldRows::new(layout),
             prepared: std::array::from_fn(|_| PreparedRows::new(layout.size)),
-            sums: SumRows::new(layout.size),
+            sums: SumRows::new(&layout),
             input: InputRow::new(&layout),
             output: OutputRow::new(&layout),
             written: 0,
@@ -191,6 +191,15 @@ impl Frame {
             self.output.error[x] = denoised.error;
             self.output.radius[x] = denoised.radius;
             self.output.rank[x] = denoised.rank;
+            for (k, layer) in self.output.layers.iter_mut().enumerate() {
+                let (sums, own) = (
+                    self.sums.layer_row(k, y)[x],
+                    &self.band.row(y as isize).layers[k],
+                );
+                for (c, plane) in layer.iter_mut().enumerate() {
+                    plane[x] = resolve_layer(&pixel, sum, self.params.formulas, sums[c], own[c][x]);
+                }
+            }
         }
     }
 
