@@ -222,7 +222,7 @@ impl Window {
             }
         }
         // The fit's own variance is, on average over its window, its terms' share of the noise.
-        let fit_variance = model.terms as f32 / pixels as f32;
+        let fit_variance = (model.terms as f32 / pixels as f32).min(1.0);
         let radiance_squared = 1.0 / (samples.per_radiance * samples.per_radiance);
         for (i, sample) in samples.list.iter().enumerate().take(pixels) {
             let bias = self.local_error(i);

@@ -105,8 +105,15 @@ pub fn prepare(input: &ColourBlock, output: &mut PreparedBlock) {
                 0.0
             };
             output.variance[y][x] = variance[row - 1][column - 1];
-            let spread = median_3x3(&input.variance, column, row).max(input.variance[row][column]);
-            let radiance = RELATIVE_TOLERANCE * median_3x3(&input.luminance, column, row);
+            let median = median_3x3(&input.luminance, column, row);
+            // The noise around, relative to the radiance around: beside a bright edge its mean alone would excuse anything.
+            let noise = variance[row - 1][column - 1] / (mean * mean).max(f32::MIN_POSITIVE)
+                * median
+                * median;
+            let spread = median_3x3(&input.variance, column, row)
+                .max(input.variance[row][column])
+                .max(noise);
+            let radiance = RELATIVE_TOLERANCE * median;
             output.tolerance[y][x] = spread + 3.0 * (radiance * radiance + LEVEL_TOLERANCE * scale);
         }
     }
