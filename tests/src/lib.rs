@@ -7,3 +7,8 @@ pub mod strategies;
 pub mod tile_checksum;
 pub mod tolerance;
 pub mod windows;
+
+/// The example of the README compiles and runs.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+struct Readme;

@@ -75,6 +75,9 @@ pub(crate) struct DenoiseArguments {
     /// The number behind --quality: how many models predict a pixel before no new one is built for it, 1 to 361
     #[arg(long, value_name = "MODELS", value_parser = clap::value_parser!(u16).range(1..=361))]
     pub(crate) coverage: Option<u16>,
+    /// Which formulas fit, choose and blend the models
+    #[arg(long, value_enum, default_value_t = FormulasName::Robust)]
+    pub(crate) formulas: FormulasName,
     /// Add the channel linpred.error: the estimated mean squared error of each pixel
     #[arg(long)]
     pub(crate) error_layer: bool,
@@ -192,6 +195,14 @@ pub(crate) enum QualityName {
     Balanced,
     /// Sixteen
     High,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum FormulasName {
+    /// This program's
+    Robust,
+    /// The papers' to the letter, a baseline: one model per pixel whatever the quality, unless --coverage is given
+    Literal,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -18,7 +18,8 @@ use linpred::roles::RoleRequest;
 use linpred_core::{Params, Quality};
 
 use super::args::{
-    DenoiseArguments, InputArguments, LogArguments, LogFormat, ProgressStyle, QualityName,
+    DenoiseArguments, FormulasName, InputArguments, LogArguments, LogFormat, ProgressStyle,
+    QualityName,
 };
 use super::exit;
 use super::frames;
@@ -99,11 +100,15 @@ impl Run {
 }
 
 fn options(arguments: &DenoiseArguments) -> JobOptions {
-    let mut params = Params::new(match arguments.quality {
+    let quality = match arguments.quality {
         QualityName::Fast => Quality::Fast,
         QualityName::Balanced => Quality::Balanced,
         QualityName::High => Quality::High,
-    });
+    };
+    let mut params = match arguments.formulas {
+        FormulasName::Robust => Params::new(quality),
+        FormulasName::Literal => Params::literal(),
+    };
     if let Some(coverage) = arguments.coverage {
         params.coverage = coverage;
     }

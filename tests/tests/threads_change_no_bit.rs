@@ -1,0 +1,26 @@
+//! However many threads compute, the output file is the same to the byte.
+
+use std::path::Path;
+
+use linpred_tests::command::linpred;
+
+#[test]
+fn of_the_sample() {
+    let noisy = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/toasters_16spp.exr");
+    let folder = tempfile::tempdir().unwrap();
+    let by = |threads: &str| {
+        let clean = folder.path().join(format!("{threads}.exr"));
+        let arguments = [noisy.as_os_str(), "-o".as_ref(), clean.as_os_str()];
+        let options = ["--threads", threads, "--error-layer", "--models-layer"].map(str::as_ref);
+        linpred([&["denoise".as_ref()][..], &arguments, &options].concat()).succeeds();
+        std::fs::read(clean).unwrap()
+    };
+    let one = by("1");
+    // more threads than cells of a row as well
+    for threads in ["2", "3", "11"] {
+        assert!(
+            by(threads) == one,
+            "{threads} threads write other bytes than one"
+        );
+    }
+}
