@@ -5,19 +5,15 @@
 
 use std::ops::Range;
 
+use linpred_core::CELL;
+
 use crate::error::Error;
 use crate::exr_file::ExrFile;
 use crate::exr_file::attributes::Attributes;
 use crate::geometry::ImageSize;
+use crate::pipeline;
 use crate::rewrite::Rewrite;
 use crate::row::{InputRow, OutputRow, RowLayout, RowSink, RowSource};
-
-/// Side of a cell, pixels.
-const CELL: usize = 19;
-/// Rows around a band that its pixels may depend on: a pixel is predicted by cells whose windows reach 9 rows beyond them, on
-/// features that were prefiltered with a halo of their own. Four cells are more than that; the test that stitches bands
-/// fails if they ever are not.
-const MARGIN: usize = 4 * CELL;
 
 /// Attribute of a band: the data window of the whole frame.
 pub const FRAME_ATTRIBUTE: &str = "linpredFrameWindow";
@@ -143,8 +139,10 @@ pub struct BandSource<S> {
 impl<S: RowSource> BandSource<S> {
     /// What is needed for the rows `band` of `inner`.
     pub fn new(inner: S, band: &Range<usize>) -> Self {
-        let first = band.start.saturating_sub(MARGIN) / CELL * CELL;
-        let last = (band.end + MARGIN).min(inner.layout().size.height());
+        let layout = inner.layout();
+        let margin = pipeline::reach(&layout);
+        let first = band.start.saturating_sub(margin) / CELL * CELL;
+        let last = (band.end + margin).min(layout.size.height());
         Self {
             inner,
             rows: first..last,

@@ -8,25 +8,35 @@ use rayon::prelude::*;
 
 use crate::blocks::PreparedRows;
 use crate::dispatch::{Level, TILE_FEATURES};
-use crate::geometry::ImageSize;
+use crate::geometry::{ImageSize, plane_bytes};
 use crate::held_rows::HeldRows;
 use crate::row::RowLayout;
 
-/// The prepared rows that a row of cells reads: the one above, its own, the one below.
+/// What a row of cells reads.
 pub(crate) struct Neighbourhood<'a> {
     pub(crate) size: ImageSize,
     pub(crate) band: &'a HeldRows,
-    /// Prepared rows of cell rows `row - 1`, `row`, `row + 1`.
-    pub(crate) prepared: [&'a PreparedRows; 3],
+    /// From the halo above the cells to the middle row of pixels, and from there to the halo below (see [`prepared_from`]).
+    pub(crate) prepared: &'a [PreparedRows; 2],
     pub(crate) row: usize,
 }
+
+/// The first row of the `piece`-th prepared rows. They are cut at the edges of halos, so that a row of cells with its halo lies in
+/// two pieces.
+pub(crate) fn prepared_from(piece: usize) -> isize {
+    (piece * CELL) as isize - PREPARED_ABOVE as isize
+}
+
+/// Rows of the first piece above the image.
+const PREPARED_ABOVE: usize = CELL - HALO;
+const _: () = assert!(HALO <= PREPARED_ABOVE && CELL + HALO <= 2 * CELL - PREPARED_ABOVE);
 
 impl Neighbourhood<'_> {
     /// The pixel at (x, y) of the image.
     pub(crate) fn pixel(&self, x: usize, y: usize) -> Pixel<TILE_FEATURES> {
-        let rows = self.prepared[y / CELL + 1 - self.row];
-        let index = y % CELL * self.size.width() + x;
-        let band = self.band.row(y as isize);
+        let rows = &self.prepared[(y + PREPARED_ABOVE) / CELL - self.row];
+        let index = (y + PREPARED_ABOVE) % CELL * self.size.width() + x;
+        let band = self.band.colours(y as isize);
         let mut pixel = Pixel::OUTSIDE;
         for (k, (value, variance)) in rows
             .features
@@ -34,8 +44,10 @@ impl Neighbourhood<'_> {
             .zip(&rows.feature_variances)
             .enumerate()
         {
-            pixel.features[k + 2] = value[index];
-            pixel.feature_variance[k + 2] = variance[index];
+            if !value.is_empty() {
+                pixel.features[k + 2] = value[index];
+                pixel.feature_variance[k + 2] = variance[index];
+            }
         }
         pixel.colour = std::array::from_fn(|c| band.colour[c][x]);
         pixel.weight = rows.weight[index];
@@ -78,7 +90,7 @@ impl Neighbourhood<'_> {
                 .checked_sub(HALO)
                 .filter(|y| *y < self.size.height());
             let Some(y) = y else { continue };
-            let planes = &self.band.row(y as isize).layers[layer];
+            let planes = &self.band.colours(y as isize).layers[layer];
             for tx in 0..TILE {
                 let x = (column * CELL + tx)
                     .checked_sub(HALO)
@@ -104,6 +116,9 @@ struct Bench {
     scratch: Scratch,
 }
 
+/// Cells that each thread denoises before their predictions are added up.
+const CELLS_PER_THREAD: usize = 4;
+
 /// Sums of predictions of the rows that a row of cells can reach.
 pub(crate) struct SumRows {
     width: usize,
@@ -124,6 +139,18 @@ impl SumRows {
             sums: vec![Sum::NONE; pixels],
             layers: vec![vec![[0.0; 3]; pixels]; layout.layers],
         }
+    }
+
+    /// Bytes of the sums.
+    pub(crate) fn bytes(layout: &RowLayout) -> u64 {
+        let planes = size_of::<Sum>() / size_of::<f32>() + 3 * layout.layers;
+        plane_bytes(layout.size, TILE, planes)
+    }
+
+    /// Bytes that predicting takes, on `threads` threads.
+    pub(crate) fn working_bytes(layout: &RowLayout, threads: u64) -> u64 {
+        let outcome = size_of::<Predictions>() + layout.layers * size_of::<LayerTile>();
+        threads * (size_of::<Bench>() + CELLS_PER_THREAD * outcome) as u64
     }
 
     /// The sums of row `y`.
@@ -154,7 +181,7 @@ impl SumRows {
     pub(crate) fn predict(&mut self, around: &Neighbourhood, params: &Params, level: Level) -> u64 {
         let columns: Vec<usize> = (0..around.size.width().div_ceil(CELL)).collect();
         let mut models = 0;
-        for columns in columns.chunks(4 * rayon::current_num_threads()) {
+        for columns in columns.chunks(CELLS_PER_THREAD * rayon::current_num_threads()) {
             let outcomes: Vec<Outcome> = columns
                 .par_iter()
                 .map_init(bench, |bench, &column| {

@@ -30,3 +30,11 @@ impl ImageSize {
         self.width as u64 * self.height as u64
     }
 }
+
+/// Bytes of `rows` rows of `planes` planes of `f32`, saturating.
+pub(crate) fn plane_bytes(size: ImageSize, rows: usize, planes: usize) -> u64 {
+    (size.width() as u64)
+        .saturating_mul(size_of::<f32>() as u64)
+        .saturating_mul(rows as u64)
+        .saturating_mul(planes as u64)
+}

@@ -1,8 +1,7 @@
 //! The rows of the image that are in memory, as the core wants them.
 
-use std::collections::VecDeque;
-
 use crate::row::{FEATURES, InputRow, RowLayout, VarianceKind};
+use crate::row_ring::RowRing;
 
 /// Radiances and features beyond this magnitude count as not finite: their squares would leave `f32`.
 const LARGEST: f32 = 1e15;
@@ -10,58 +9,98 @@ const LARGEST: f32 = 1e15;
 /// Depths from here on are what renderers write where a ray leaves the scene.
 const NO_SURFACE: f32 = 1e9;
 
-/// One row of input after its values have been checked.
-pub(crate) struct HeldRow {
+/// What cells read of a row.
+pub(crate) struct ColourRow {
     /// Radiance, 0 where the pixel is bad.
     pub(crate) colour: [Vec<f32>; 3],
-    /// Mean magnitude of the channels.
-    pub(crate) luminance: Vec<f32>,
-    /// Variance of the mean, summed over the channels, 0 where the pixel is bad.
-    pub(crate) variance: Vec<f32>,
     /// 1, or 0 where the colour is not finite.
     pub(crate) good: Vec<f32>,
-    /// Features; NaN where missing.
-    pub(crate) features: [Vec<f32>; FEATURES],
-    /// Variances of the features.
-    pub(crate) feature_variances: [Vec<f32>; FEATURES],
     /// Extra layers, 0 where not finite.
     pub(crate) layers: Vec<[Vec<f32>; 3]>,
 }
 
-impl HeldRow {
+/// What else weights and filtered features are made of; cells do not read it, so it leaves earlier.
+pub(crate) struct GuideRow {
+    /// Variance of the mean, summed over the channels, 0 where the pixel is bad.
+    pub(crate) variance: Vec<f32>,
+    /// Features; NaN where missing, empty if the image has none.
+    pub(crate) features: [Vec<f32>; FEATURES],
+    /// Variances of the features; empty if the image has no such feature.
+    pub(crate) feature_variances: [Vec<f32>; FEATURES],
+}
+
+impl ColourRow {
+    /// Planes of a row.
+    pub(crate) fn planes(layout: &RowLayout) -> usize {
+        4 + 3 * layout.layers
+    }
+
     fn new(layout: &RowLayout) -> Self {
         let plane = || vec![0.0; layout.size.width()];
         Self {
             colour: std::array::from_fn(|_| plane()),
-            luminance: plane(),
-            variance: plane(),
             good: plane(),
-            features: std::array::from_fn(|_| plane()),
-            feature_variances: std::array::from_fn(|_| plane()),
             layers: (0..layout.layers)
                 .map(|_| std::array::from_fn(|_| plane()))
                 .collect(),
         }
     }
 
-    fn fill(&mut self, input: &InputRow, kind: VarianceKind) {
+    fn fill(&mut self, input: &InputRow) {
         for x in 0..self.good.len() {
             let colour: [f32; 3] = std::array::from_fn(|c| input.colour[c][x]);
             let good = colour.iter().all(|v| v.abs() <= LARGEST);
             self.good[x] = if good { 1.0 } else { 0.0 };
-            self.luminance[x] = 0.0;
-            self.variance[x] = 0.0;
-            for (c, &value) in colour.iter().enumerate() {
-                let y = if good { value } else { 0.0 };
-                self.colour[c][x] = y;
-                self.luminance[x] += y.abs() / 3.0;
-                if good && kind != VarianceKind::Estimated {
-                    self.variance[x] += checked_variance(input.variance[c][x], y);
+            for (plane, value) in self.colour.iter_mut().zip(colour) {
+                plane[x] = if good { value } else { 0.0 };
+            }
+        }
+        for (own, layer) in self.layers.iter_mut().zip(&input.layers) {
+            for (own, plane) in own.iter_mut().zip(layer) {
+                for (own, &value) in own.iter_mut().zip(plane) {
+                    *own = if value.is_finite() { value } else { 0.0 };
+                }
+            }
+        }
+    }
+
+    /// Mean magnitude of the channels.
+    pub(crate) fn luminance(&self, x: usize) -> f32 {
+        self.colour
+            .iter()
+            .fold(0.0, |sum, plane| sum + plane[x].abs() / 3.0)
+    }
+}
+
+impl GuideRow {
+    /// Planes of a row.
+    pub(crate) fn planes(layout: &RowLayout) -> usize {
+        1 + 2 * layout.features.iter().filter(|present| **present).count()
+    }
+
+    fn new(layout: &RowLayout) -> Self {
+        let width = layout.size.width();
+        let feature = |k: usize| vec![0.0; if layout.features[k] { width } else { 0 }];
+        Self {
+            variance: vec![0.0; width],
+            features: std::array::from_fn(feature),
+            feature_variances: std::array::from_fn(feature),
+        }
+    }
+
+    fn fill(&mut self, input: &InputRow, colours: &ColourRow, kind: VarianceKind) {
+        self.variance.fill(0.0);
+        if kind != VarianceKind::Estimated {
+            for (variances, values) in input.variance.iter().zip(&colours.colour) {
+                for (x, sum) in self.variance.iter_mut().enumerate() {
+                    if colours.good[x] != 0.0 {
+                        *sum += checked_variance(variances[x], values[x]);
+                    }
                 }
             }
         }
         for k in 0..FEATURES {
-            for x in 0..self.good.len() {
+            for x in 0..self.features[k].len() {
                 let value = input.features[k][x];
                 let leaves = k == FEATURES - 1 && value.abs() >= NO_SURFACE;
                 let value = if leaves { 0.0 } else { value };
@@ -78,13 +117,6 @@ impl HeldRow {
                 };
             }
         }
-        for (own, layer) in self.layers.iter_mut().zip(&input.layers) {
-            for (own, plane) in own.iter_mut().zip(layer) {
-                for (own, &value) in own.iter_mut().zip(plane) {
-                    *own = if value.is_finite() { value } else { 0.0 };
-                }
-            }
-        }
     }
 }
 
@@ -97,63 +129,63 @@ fn checked_variance(variance: f32, value: f32) -> f32 {
     }
 }
 
-/// Consecutive rows, the oldest first.
+/// The rows of the moving band.
 pub(crate) struct HeldRows {
     layout: RowLayout,
-    first: usize,
-    rows: VecDeque<HeldRow>,
-    spare: Vec<HeldRow>,
+    colours: RowRing<ColourRow>,
+    guides: RowRing<GuideRow>,
 }
 
 impl HeldRows {
     pub(crate) fn new(layout: RowLayout) -> Self {
         Self {
             layout,
-            first: 0,
-            rows: VecDeque::new(),
-            spare: Vec::new(),
+            colours: RowRing::new(),
+            guides: RowRing::new(),
         }
     }
 
     /// The row after the last one held.
     pub(crate) fn next(&self) -> usize {
-        self.first + self.rows.len()
+        self.colours.next()
     }
 
     pub(crate) fn push(&mut self, input: &InputRow) {
-        let mut row = self
-            .spare
-            .pop()
-            .unwrap_or_else(|| HeldRow::new(&self.layout));
-        row.fill(input, self.layout.variance);
-        self.rows.push_back(row);
+        let layout = &self.layout;
+        let colours = self.colours.push(|| ColourRow::new(layout));
+        colours.fill(input);
+        let guides = self.guides.push(|| GuideRow::new(layout));
+        guides.fill(input, colours, layout.variance);
     }
 
-    /// Lets go of the rows before `y`.
-    pub(crate) fn drop_before(&mut self, y: usize) {
-        while self.first < y {
-            let Some(row) = self.rows.pop_front() else {
-                return;
-            };
-            self.spare.push(row);
-            self.first += 1;
-        }
+    /// Lets go of the colours before row `colours` and of the rest before row `guides`.
+    pub(crate) fn drop_before(&mut self, colours: usize, guides: usize) {
+        self.colours.drop_before(colours);
+        self.guides.drop_before(guides);
     }
 
-    /// Row `y`, or the nearest row of the image. The caller has asked for rows that are held.
-    pub(crate) fn row(&self, y: isize) -> &HeldRow {
-        let y = clamped(y, self.layout.size.height());
-        &self.rows[y - self.first]
+    /// The colours of row `y`, or of the nearest row of the image. The caller has asked for rows that are held.
+    pub(crate) fn colours(&self, y: isize) -> &ColourRow {
+        self.colours.row(clamped(y, self.layout.size.height()))
     }
 
-    pub(crate) fn row_mut(&mut self, y: usize) -> &mut HeldRow {
-        &mut self.rows[y - self.first]
+    /// The rest of row `y`, or of the nearest row of the image. The caller has asked for rows that are held.
+    pub(crate) fn guides(&self, y: isize) -> &GuideRow {
+        self.guides.row(clamped(y, self.layout.size.height()))
+    }
+
+    /// Row `y`, to fill in variances: those of bad pixels are to stay 0.
+    pub(crate) fn variances_mut(&mut self, y: usize) -> (&mut GuideRow, &ColourRow) {
+        (self.guides.row_mut(y), self.colours.row(y))
     }
 
     /// Feature `k` at (x, y), from the nearest pixel of the image; a missing one is the mean of those around it, or 0.
     pub(crate) fn feature(&self, k: usize, x: isize, y: isize) -> f32 {
+        if !self.layout.features[k] {
+            return 0.0;
+        }
         let width = self.layout.size.width();
-        let value = self.row(y).features[k][clamped(x, width)];
+        let value = self.guides(y).features[k][clamped(x, width)];
         if !value.is_nan() {
             return value;
         }
@@ -162,7 +194,7 @@ impl HeldRows {
             clamped(y, self.layout.size.height()) as isize,
         );
         let (mut sum, mut count) = (0.0, 0.0);
-        for row in (y - 1..=y + 1).map(|y| self.row(y)) {
+        for row in (y - 1..=y + 1).map(|y| self.guides(y)) {
             for x in x - 1..=x + 1 {
                 let value = row.features[k][clamped(x, width)];
                 if !value.is_nan() {

@@ -1,24 +1,27 @@
 //! One file denoised into another.
 
-use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use linpred_core::Params;
+
 use crate::band::{Band, BandSink, BandSource};
 use crate::error::Error;
 use crate::exr_file::ExrFile;
+use crate::geometry::ImageSize;
 use crate::layers::{self, Layer};
-use crate::memory::MemoryPlan;
-use crate::names::ChannelNames;
-use crate::overlap::{ROWS_IN_FLIGHT, ReadAhead, WriteBehind};
+use crate::memory;
+use crate::names::{ChannelNames, ChannelRef};
+use crate::overlap::{ReadAhead, WriteBehind};
 use crate::pipeline::{self, Options, Report};
+use crate::plan::{self, Schedule};
 use crate::rewrite::{ExtraLayers, Rewrite};
 use crate::roles::{RoleRequest, Roles, resolve};
-use crate::row::{FEATURES, RowSink, RowSource};
+use crate::row::{RowLayout, RowSink, RowSource};
 use crate::sink::ExrSink;
-use crate::source::ExrSource;
+use crate::source::{self, ExrSource};
 
 /// Which channels of which files.
 #[derive(Clone, Debug, Default)]
@@ -90,6 +93,24 @@ impl Input {
             .0
     }
 
+    /// What its rows hold; of an empty image, those of one pixel.
+    pub fn layout(&self) -> RowLayout {
+        let pixel = || ImageSize::new(1, 1).expect("one pixel is an image");
+        let size = ImageSize::new(self.width(), self.height()).unwrap_or_else(pixel);
+        source::layout(&self.roles, size, self.layers.len())
+    }
+
+    /// Every channel that is read.
+    pub fn channels(&self) -> Vec<ChannelRef> {
+        let assigned = self.roles.assignments.iter().flat_map(|a| &a.channels);
+        let mut all: Vec<ChannelRef> = assigned.copied().collect();
+        for layer in &self.layers {
+            all.extend(layer.channels);
+            all.extend(layer.variance.channels());
+        }
+        all
+    }
+
     /// A source of its rows (see [`ExrSource::new`]).
     pub fn source(&self, limit: u64) -> Result<ExrSource, Error> {
         let layers = self
@@ -129,106 +150,8 @@ pub struct Summary {
     pub clamped: u64,
     /// Pixels whose extra layers do not sum to the colour in the input (so they cannot in the output).
     pub layers_off: u64,
-}
-
-/// What denoising `input` will hold in memory: file blocks, and the pipeline's bands of rows.
-pub fn memory_plan(
-    input: &Input,
-    rewrite: &Rewrite,
-    options: &JobOptions,
-) -> Result<MemoryPlan, Error> {
-    let mut plan = MemoryPlan::default();
-    let roles = &input.roles;
-    let mut parts = BTreeSet::new();
-    for assignment in &roles.assignments {
-        parts.extend(assignment.channels.iter().map(|at| (at.file, at.part)));
-    }
-    parts.extend(
-        input
-            .layers
-            .iter()
-            .flat_map(|layer| layer.channels.map(|at| (at.file, at.part))),
-    );
-    for (file, part) in parts {
-        let part = &input.names.files()[file].parts()[part];
-        // decoded, and once more while one block of it is being decoded
-        let bytes = part
-            .block_row_bytes()
-            .saturating_add(part.block_bytes().saturating_mul(2));
-        plan.add(format!("reading {}", block_description(part)), bytes);
-    }
-    for part in &rewrite.rewritten {
-        let source = &input.file().parts()[part.index];
-        let rows = part.grid.block_height().min(part.header.layer_size.1) as u64;
-        let columns = part.grid.columns() as u64;
-        let block_row = |bytes: u64| {
-            rows.saturating_mul(source.header.layer_size.0 as u64)
-                .saturating_mul(bytes)
-        };
-        plan.add(
-            format!("denoised rows of {}", source.label()),
-            block_row(part.denoised_bytes()),
-        );
-        // a block of the input, one of the output, and the latter's copies while it is compressed
-        let block = block_row(part.header.channels.bytes_per_pixel as u64).div_ceil(columns);
-        let other_blocks = part.grid.block_height() != source.grid.block_height();
-        let kept = if other_blocks {
-            source.block_row_bytes()
-        } else {
-            0
-        };
-        let bytes = kept.saturating_add(source.block_bytes().saturating_mul(2));
-        plan.add(
-            format!("writing {}", block_description(source)),
-            bytes.saturating_add(block.saturating_mul(4)),
-        );
-    }
-    let tables: u64 = input
-        .names
-        .files()
-        .iter()
-        .flat_map(|file| file.parts())
-        .map(|part| part.header.chunk_count as u64)
-        .sum();
-    plan.add("offset tables", tables.saturating_mul(16));
-    plan.add("computing", pipeline_bytes(input, options));
-    if options.pipeline.threads.get() > 1 {
-        let planes = 6 + 2 * FEATURES + 6 + 6 * input.layers.len();
-        let row = (input.width() as u64).saturating_mul(4 * planes as u64);
-        plan.add(
-            "rows read ahead and written behind",
-            row.saturating_mul(ROWS_IN_FLIGHT as u64 + 2),
-        );
-    }
-    Ok(plan)
-}
-
-/// Rows of planes that the pipeline holds: its windows look 9 rows up and down around 19 rows of cells, on prefiltered
-/// features with a halo of their own.
-const PIPELINE_ROWS: u64 = 96;
-/// Planes of an input row and of the sums that are blended into an output row.
-const PIPELINE_PLANES: u64 = 40;
-
-fn pipeline_bytes(input: &Input, options: &JobOptions) -> u64 {
-    let width = input.width() as u64;
-    let planes = PIPELINE_PLANES + 6 * input.layers.len() as u64;
-    let threads = options.pipeline.threads.get() as u64;
-    width
-        .saturating_mul(4 * PIPELINE_ROWS * planes)
-        .saturating_add(threads << 20)
-}
-
-fn block_description(part: &crate::exr_file::Part) -> String {
-    format!(
-        "{} ({} blocks of {} rows x {} channels)",
-        part.label(),
-        part.header
-            .compression
-            .to_string()
-            .replace(" compression", ""),
-        part.grid.block_height().min(part.header.layer_size.1),
-        part.header.channels.list.len()
-    )
+    /// Bytes of memory that the process had in use at most so far, where the system tells.
+    pub peak_memory: Option<u64>,
 }
 
 /// Refuses an `output` that is one of the inputs, by whatever name, or whose unfinished file would be.
@@ -260,7 +183,8 @@ pub fn denoise(
     let inputs: Vec<&Path> = input.names.files().iter().map(|file| file.path()).collect();
     check_output(output, &inputs)?;
     let mut rewrite = input.rewrite(options.extra)?;
-    memory_plan(input, &rewrite, options)?.check(options.memory_limit)?;
+    let (schedule, plan) = plan::schedule(input, &rewrite, options);
+    plan.check(options.memory_limit)?;
     let rows = match options.band {
         Some(band) => band.restrict(&mut rewrite, input.file())?,
         None => 0..input.height(),
@@ -278,28 +202,41 @@ pub fn denoise(
             ControlFlow::Continue(())
         }
     };
-    let report = run(&mut source, &mut sink, &options.pipeline, &mut told)?;
+    let report = run(
+        &mut source,
+        &mut sink,
+        options.pipeline.params,
+        schedule,
+        &mut told,
+    )?;
     let clamped = sink.into_inner().finish()?;
     Ok(Summary {
         report,
         clamped,
         layers_off: source.inner().layers_off(),
+        peak_memory: memory::peak(),
     })
 }
 
-/// Runs the pipeline; reads ahead and writes behind it if it may use more than one thread.
+/// Runs the pipeline; reads ahead and writes behind it if the schedule says so.
 fn run(
     source: &mut dyn RowSource,
     sink: &mut dyn RowSink,
-    options: &Options,
+    params: Params,
+    schedule: Schedule,
     progress: &mut dyn FnMut(usize) -> ControlFlow<()>,
 ) -> Result<Report, Error> {
-    if options.threads.get() == 1 {
+    let options = &Options {
+        params,
+        threads: schedule.threads,
+    };
+    let rows = schedule.rows_in_flight;
+    if rows == 0 {
         return pipeline::denoise(source, sink, options, progress);
     }
     std::thread::scope(|scope| {
-        let mut ahead = ReadAhead::start(scope, source);
-        let mut behind = WriteBehind::start(scope, sink);
+        let mut ahead = ReadAhead::start(scope, source, rows);
+        let mut behind = WriteBehind::start(scope, sink, rows);
         let report = pipeline::denoise(&mut ahead, &mut behind, options, progress);
         drop(ahead);
         // what went wrong at the far end is the reason for what the pipeline saw

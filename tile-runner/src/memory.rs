@@ -63,6 +63,14 @@ fn mebibytes(bytes: u64) -> String {
     format!("{}.{} MiB", tenths / 10, tenths % 10)
 }
 
+/// The most bytes of memory that this process has had resident, where the system tells: Linux does.
+pub fn peak() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+    let kibibytes: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    Some(kibibytes << 10)
+}
+
 /// Parses a size: a number of bytes, or one with K, M, G or T after it (powers of 1024). [`Error::Usage`] otherwise.
 pub fn parse_size(text: &str) -> Result<u64, Error> {
     let usage = || Error::Usage(format!("{text:?} is not a size; write 256M or 2G"));

@@ -9,6 +9,9 @@ use crate::dispatch::Level;
 use crate::held_rows::{HeldRows, mirrored};
 use crate::row::{FEATURES, RowLayout, VarianceKind};
 
+/// Blocks that each thread estimates before their results are stored.
+const BLOCKS_PER_THREAD: usize = 4;
+
 /// Which variances are to be estimated.
 #[derive(Clone, Copy)]
 pub(crate) struct Missing {
@@ -35,6 +38,14 @@ impl Missing {
         }
     }
 
+    /// Bytes that estimating takes, on `threads` threads.
+    pub(crate) fn working_bytes(self, threads: u64) -> u64 {
+        if self.halo() == 0 {
+            return 0;
+        }
+        threads * (BLOCKS_PER_THREAD * size_of::<NoiseBlock>() + size_of::<NoisyBlock>()) as u64
+    }
+
     /// Estimates the variances of `rows`, all of whose neighbours within the halo are held.
     pub(crate) fn fill(
         self,
@@ -49,7 +60,7 @@ impl Missing {
         for first in rows.clone().step_by(BLOCK_HEIGHT) {
             let end = rows.end.min(first + BLOCK_HEIGHT);
             let columns: Vec<usize> = (0..layout.size.width()).step_by(BLOCK_WIDTH).collect();
-            for columns in columns.chunks(4 * rayon::current_num_threads()) {
+            for columns in columns.chunks(BLOCKS_PER_THREAD * rayon::current_num_threads()) {
                 let from: &HeldRows = held;
                 let blocks: Vec<Box<NoiseBlock>> = columns
                     .par_iter()
@@ -95,11 +106,14 @@ impl Missing {
     ) {
         let width = columns.len();
         for (y, row) in rows.enumerate() {
-            let target = held.row_mut(row);
+            let (target, colours) = held.variances_mut(row);
             if self.colour {
-                target.variance[columns.clone()].copy_from_slice(&block.colour[y][..width]);
-                for (variance, good) in target.variance.iter_mut().zip(&target.good) {
-                    *variance *= good;
+                let good = &colours.good[columns.clone()];
+                let variances = &mut target.variance[columns.clone()];
+                for ((variance, estimate), good) in
+                    variances.iter_mut().zip(&block.colour[y]).zip(good)
+                {
+                    *variance = estimate * good;
                 }
             }
             for k in (0..FEATURES).filter(|k| self.features[*k]) {
@@ -117,7 +131,7 @@ fn load(held: &HeldRows, layout: &RowLayout, x: usize, y: usize) -> Box<NoisyBlo
         // Rows below the last that is wanted may not be held: any will do.
         let wanted = mirrored((y + row) as isize - NOISE_HALO as isize, size.height());
         let from_row = wanted.min(held.next() - 1);
-        let source = held.row(from_row as isize);
+        let source = held.colours(from_row as isize);
         for column in 0..NoisyBlock::WIDTH {
             let from = mirrored((x + column) as isize - NOISE_HALO as isize, size.width());
             for (plane, colour) in block.colour.iter_mut().zip(&source.colour) {

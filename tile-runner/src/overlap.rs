@@ -10,7 +10,7 @@ use std::thread::{Scope, ScopedJoinHandle};
 use crate::error::Error;
 use crate::row::{InputRow, OutputRow, RowLayout, RowSink, RowSource};
 
-/// Rows in flight at each end: those of one row of cells, which is what the pipeline takes at once.
+/// Rows that are best in flight at each end: those of one row of cells, which is what the pipeline takes at once.
 pub const ROWS_IN_FLIGHT: usize = 19;
 
 /// A source that is read by another thread.
@@ -22,14 +22,15 @@ pub struct ReadAhead {
 }
 
 impl ReadAhead {
-    /// Begins to read `source` from row 0 on a thread of `scope`. The thread ends after the last row, after an error, or when
+    /// Begins to read `source` from row 0 on a thread of `scope`, `ahead` rows ahead. The thread ends after the last row, after an error, or when
     /// the value is dropped.
     pub fn start<'scope>(
         scope: &'scope Scope<'scope, '_>,
         source: &'scope mut dyn RowSource,
+        ahead: usize,
     ) -> Self {
         let layout = source.layout();
-        let (filled, rows) = sync_channel(ROWS_IN_FLIGHT);
+        let (filled, rows) = sync_channel(ahead);
         let (used, free) = channel::<InputRow>();
         scope.spawn(move || {
             for y in 0..layout.size.height() {
@@ -71,9 +72,13 @@ pub struct WriteBehind<'scope> {
 }
 
 impl<'scope> WriteBehind<'scope> {
-    /// Begins to write to `sink` on a thread of `scope`.
-    pub fn start(scope: &'scope Scope<'scope, '_>, sink: &'scope mut dyn RowSink) -> Self {
-        let (rows, filled) = sync_channel::<(usize, OutputRow)>(ROWS_IN_FLIGHT);
+    /// Begins to write to `sink` on a thread of `scope`, at most `behind` rows behind.
+    pub fn start(
+        scope: &'scope Scope<'scope, '_>,
+        sink: &'scope mut dyn RowSink,
+        behind: usize,
+    ) -> Self {
+        let (rows, filled) = sync_channel::<(usize, OutputRow)>(behind);
         let (used, free) = channel();
         let writer = scope.spawn(move || {
             for (y, row) in filled {

@@ -6,7 +6,6 @@ use exr::meta::attribute::{ChannelList, IntegerBounds, SampleType};
 use half::f16;
 
 use crate::error::Error;
-use crate::exr_file::encode::BlockEncoder;
 use crate::exr_file::writer::ExrWriter;
 use crate::exr_file::{ExrFile, PartRows, check_decodable};
 use crate::rewrite::{Fill, RewrittenPart};
@@ -21,7 +20,12 @@ pub(crate) struct PartInProgress {
     first_row: usize,
     /// Samples of each channel that is not kept, row by row; empty for those that are.
     denoised: Vec<Vec<u8>>,
-    encoder: BlockEncoder,
+    /// The input, whose codec is shared.
+    input: Arc<ExrFile>,
+    /// The block that is being written.
+    block: Vec<u8>,
+    /// The block of the input that it is made of, where the channels differ.
+    decoded: Vec<u8>,
 }
 
 /// Where the channels that are kept come from.
@@ -30,7 +34,7 @@ enum Kept {
     /// There are none.
     Nothing,
     /// The input's blocks, which are cut like the output's.
-    Blocks(Arc<ExrFile>),
+    Blocks,
     /// The input's rows: its blocks have another height.
     Rows(Box<PartRows>),
 }
@@ -49,9 +53,15 @@ impl PartInProgress {
             Kept::Nothing
         } else if same_blocks {
             check_decodable(input, plan.index, limit)?;
-            Kept::Blocks(input.clone())
+            Kept::Blocks
         } else {
-            Kept::Rows(Box::new(PartRows::new(input.clone(), plan.index, limit)?))
+            let mut rows = PartRows::new(input.clone(), plan.index, limit)?;
+            for fill in &plan.fills {
+                if let Fill::Input(channel) = fill {
+                    rows.keep(*channel);
+                }
+            }
+            Kept::Rows(Box::new(rows))
         };
         let denoised = vec![Vec::new(); plan.fills.len()];
         Ok(Self {
@@ -59,7 +69,9 @@ impl PartInProgress {
             kept,
             first_row,
             denoised,
-            encoder: BlockEncoder::default(),
+            input: input.clone(),
+            block: Vec::new(),
+            decoded: Vec::new(),
         })
     }
 
@@ -106,11 +118,11 @@ impl PartInProgress {
             return Ok(());
         }
         for column in 0..grid.columns() {
-            let block = self.assemble(column, block_row)?;
+            self.assemble(column, block_row)?;
             let bounds = grid.bounds(column, block_row);
-            let payload = self
-                .encoder
-                .encode(&self.plan.header, block, bounds)
+            self.input
+                .codec()
+                .encode(&self.plan.header, &mut self.block, bounds)
                 .map_err(|error| {
                     Error::Unsupported(format!(
                         "{}: part {}: row {}: cannot be compressed: {error}",
@@ -122,16 +134,16 @@ impl PartInProgress {
             writer.write_block(
                 self.plan.index,
                 block_row * grid.columns() + column,
-                &payload,
+                &self.block,
             )?;
         }
         Ok(())
     }
 
     /// A block of the output: what is kept of the input, and what was denoised.
-    fn assemble(&mut self, column: usize, block_row: usize) -> Result<Vec<u8>, Error> {
+    fn assemble(&mut self, column: usize, block_row: usize) -> Result<(), Error> {
         let bounds = self.plan.grid.bounds(column, block_row);
-        let mut block = self.kept_block(column, block_row, bounds)?;
+        self.fill_kept(column, block_row, bounds)?;
         let width = self.plan.header.layer_size.0;
         let lines = Lines::new(&self.plan.header.channels, bounds);
         for (channel, denoised) in self.denoised.iter().enumerate() {
@@ -145,62 +157,65 @@ impl PartInProgress {
             {
                 let at = lines.range(channel, line);
                 let length = at.len();
-                block[at].copy_from_slice(&samples[x..x + length]);
+                self.block[at].copy_from_slice(&samples[x..x + length]);
             }
         }
-        Ok(block)
+        Ok(())
     }
 
-    /// A block of the output with the kept channels in place; the others hold anything.
-    fn kept_block(
+    /// Makes a block of the output with the kept channels in place; the others hold anything.
+    fn fill_kept(
         &mut self,
         column: usize,
         block_row: usize,
         bounds: IntegerBounds,
-    ) -> Result<Vec<u8>, Error> {
+    ) -> Result<(), Error> {
         let channels = &self.plan.header.channels;
         let bytes = bounds.size.0 * bounds.size.1 * channels.bytes_per_pixel;
-        let kept = self
-            .plan
-            .fills
-            .iter()
-            .enumerate()
-            .filter_map(|(channel, fill)| match fill {
-                Fill::Input(from) => Some((channel, *from)),
-                _ => None,
-            });
+        let to = Lines::new(channels, bounds);
+        let kept = |(channel, fill): (usize, &Fill)| match fill {
+            Fill::Input(from) => Some((channel, *from)),
+            _ => None,
+        };
+        let kept = self.plan.fills.iter().enumerate().filter_map(kept);
         match &mut self.kept {
-            Kept::Nothing => Ok(vec![0; bytes]),
-            Kept::Blocks(input) => {
+            Kept::Nothing => self.block.resize(bytes, 0),
+            Kept::Blocks => {
                 let above = self.first_row / self.plan.grid.block_height();
-                let decoded = input.decode_block(self.plan.index, column, above + block_row)?;
-                let old = &input.parts()[self.plan.index].header.channels;
-                if old == channels {
-                    return Ok(decoded);
+                let place = (column, above + block_row);
+                let old = &self.input.parts()[self.plan.index].header.channels;
+                let same = old == channels;
+                let decoded = if same {
+                    &mut self.block
+                } else {
+                    &mut self.decoded
+                };
+                self.input
+                    .decode_block(self.plan.index, place, |_| true, decoded)?;
+                if same {
+                    return Ok(());
                 }
-                let (from, to) = (Lines::new(old, bounds), Lines::new(channels, bounds));
-                let mut block = vec![0; bytes];
+                let from = Lines::new(old, bounds);
+                self.block.resize(bytes, 0);
                 for (channel, old) in kept {
                     for line in 0..bounds.size.1 {
-                        block[to.range(channel, line)]
-                            .copy_from_slice(&decoded[from.range(old, line)]);
+                        self.block[to.range(channel, line)]
+                            .copy_from_slice(&self.decoded[from.range(old, line)]);
                     }
                 }
-                Ok(block)
             }
             Kept::Rows(rows) => {
                 // only scanline blocks depend on the compression for their height: they span the width
-                let to = Lines::new(channels, bounds);
                 let first = self.first_row + bounds.position.1 as usize;
-                let mut block = vec![0; bytes];
+                self.block.resize(bytes, 0);
                 for line in 0..bounds.size.1 {
                     for (channel, old) in kept.clone() {
-                        rows.copy_row(old, first + line, &mut block[to.range(channel, line)])?;
+                        rows.copy_row(old, first + line, &mut self.block[to.range(channel, line)])?;
                     }
                 }
-                Ok(block)
             }
         }
+        Ok(())
     }
 }
 

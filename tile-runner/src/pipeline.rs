@@ -1,13 +1,13 @@
 //! From rows to rows, through a moving band.
 //!
 //! ```text
-//! rows of input          19 k - 9 ......................................... 19 (k + 2) + 10      HeldRows
-//!   weights, prefilter     19 (k - 1) .................. 19 (k + 2)                              3 x PreparedRows
-//!     cells of row k         19 k - 9 ......... 19 (k + 1) + 9                                   SumRows
-//!       rows of output         19 k - 9 .. 19 (k + 1) - 9
+//! rows of input           19 k - 9 ................................ 19 (k + 2)     HeldRows (+ 5 to estimate variances)
+//!   weights, prefilter      19 k - 10 ............... 19 (k + 1) + 9                 2 x PreparedRows
+//!     cells of row k          19 k - 9 ............. 19 (k + 1) + 9                   SumRows
+//!       rows of output          19 k - 9 .. 19 (k + 1) - 9
 //! ```
 //!
-//! Row k of cells needs the rows of cells above and below it prepared, and those need their halo. Once its
+//! Row k of cells needs the rows that its windows reach prepared, and those need a halo of their own. Once its
 //! predictions are added up, no later cell reaches the rows before `19 (k + 1) - 9`, and they leave.
 
 use std::num::NonZeroUsize;
@@ -16,10 +16,12 @@ use std::ops::ControlFlow;
 use linpred_core::{CELL, HALO, Params, PixelState, resolve, resolve_layer};
 
 use crate::blocks::{BLOCK_HALO, PreparedRows};
-use crate::cells::{Neighbourhood, SumRows};
+use crate::cells::{Neighbourhood, SumRows, prepared_from};
+
 use crate::dispatch::Level;
 use crate::error::Error;
-use crate::held_rows::HeldRows;
+use crate::geometry::plane_bytes;
+use crate::held_rows::{ColourRow, GuideRow, HeldRows};
 use crate::noise::Missing;
 use crate::row::{InputRow, OutputRow, RowLayout, RowSink, RowSource};
 
@@ -45,6 +47,48 @@ pub struct Report {
     pub repaired: u64,
 }
 
+/// Rows below a row of cells that its pixels depend on, beside those that variances are estimated from.
+const LOOK_BELOW: usize = HALO + BLOCK_HALO;
+
+/// Rows above or below a pixel that it can depend on, for an image whose rows hold `layout`: it lies in the halo of a cell, the
+/// cell's windows reach as far again, and what they read was prepared from a halo of its own.
+pub fn reach(layout: &RowLayout) -> usize {
+    // counted from a pixel of the halo: to the far edge of the cell, and what lies beyond that
+    HALO + CELL + LOOK_BELOW + Missing::of(layout).halo()
+}
+
+/// Bytes that denoising an image takes at most, beside the source and the sink.
+pub fn bytes(layout: &RowLayout, threads: NonZeroUsize) -> u64 {
+    let missing = Missing::of(layout);
+    let below = 2 * CELL + missing.halo();
+    let colours = plane_bytes(layout.size, HALO + below, ColourRow::planes(layout));
+    let guides = plane_bytes(layout.size, GUIDES_ABOVE + below, GuideRow::planes(layout));
+    let threads = threads.get() as u64;
+    let working = missing
+        .working_bytes(threads)
+        .max(PreparedRows::working_bytes(threads))
+        .max(SumRows::working_bytes(layout, threads));
+    [
+        colours,
+        guides,
+        PreparedRows::bytes(layout).saturating_mul(2),
+        SumRows::bytes(layout),
+        InputRow::bytes(layout),
+        OutputRow::bytes(layout),
+        working,
+        threads.saturating_mul(STACK as u64),
+    ]
+    .into_iter()
+    .fold(0, u64::saturating_add)
+}
+
+/// Bytes of stack that a thread touches (the core declares 30 KiB; measured with what calls it).
+const STACK: usize = 256 << 10;
+
+/// Rows above the next row of cells of which more than the colours is held: what is prepared next begins
+/// a halo below the top of those cells.
+const GUIDES_ABOVE: usize = BLOCK_HALO - HALO;
+
 /// Denoises every row of `source` into `sink`. `progress` is told how many rows have been written after each; when it
 /// breaks, the run ends with [`Error::Cancelled`].
 pub fn denoise(
@@ -61,7 +105,7 @@ pub fn denoise(
     let mut frame = Frame::new(source.layout(), options.params);
     let height = frame.layout.size.height();
     for row in 0..height.div_ceil(CELL) {
-        let needed = (row + 2) * CELL + BLOCK_HALO;
+        let needed = (row + 1) * CELL + LOOK_BELOW;
         frame.read(source, needed + frame.missing.halo())?;
         pool.install(|| {
             frame.estimate(needed);
@@ -87,8 +131,8 @@ struct Frame {
     /// Rows whose variances are there.
     estimated: usize,
     band: HeldRows,
-    /// Prepared rows of the cells above, at and below the current row.
-    prepared: [PreparedRows; 3],
+    /// The two pieces of prepared rows that the current row of cells reads.
+    prepared: [PreparedRows; 2],
     sums: SumRows,
     input: InputRow,
     output: OutputRow,
@@ -105,7 +149,7 @@ impl Frame {
             missing: Missing::of(&layout),
             estimated: 0,
             band: HeldRows::new(layout),
-            prepared: std::array::from_fn(|_| PreparedRows::new(layout.size)),
+            prepared: std::array::from_fn(|_| PreparedRows::new(&layout)),
             sums: SumRows::new(&layout),
             input: InputRow::new(&layout),
             output: OutputRow::new(&layout),
@@ -137,17 +181,16 @@ impl Frame {
     /// Prepares what row `row` of cells lacks, and predicts it.
     fn compute(&mut self, row: usize) {
         let first = if row == 0 { 0 } else { row + 1 };
-        for prepared in first..=row + 1 {
-            if prepared * CELL < self.layout.size.height() {
-                let rows = &mut self.prepared[prepared + 1 - row];
-                rows.fill(&self.band, self.layout.size, prepared * CELL, self.level);
+        for piece in first..=row + 1 {
+            let from = prepared_from(piece);
+            if from < self.layout.size.height() as isize {
+                self.prepared[piece - row].fill(&self.band, from, self.level);
             }
         }
-        let [above, own, below] = &self.prepared;
         let around = Neighbourhood {
             size: self.layout.size,
             band: &self.band,
-            prepared: [above, own, below],
+            prepared: &self.prepared,
             row,
         };
         self.report.models += self.sums.predict(&around, &self.params, self.level);
@@ -173,11 +216,10 @@ impl Frame {
     }
 
     fn resolve_row(&mut self, row: usize, y: usize) {
-        let [above, own, below] = &self.prepared;
         let around = Neighbourhood {
             size: self.layout.size,
             band: &self.band,
-            prepared: [above, own, below],
+            prepared: &self.prepared,
             row,
         };
         for (x, sum) in self.sums.row(y).iter().enumerate() {
@@ -194,7 +236,7 @@ impl Frame {
             for (k, layer) in self.output.layers.iter_mut().enumerate() {
                 let (sums, own) = (
                     self.sums.layer_row(k, y)[x],
-                    &self.band.row(y as isize).layers[k],
+                    &self.band.colours(y as isize).layers[k],
                 );
                 for (c, plane) in layer.iter_mut().enumerate() {
                     plane[x] = resolve_layer(&pixel, sum, self.params.formulas, sums[c], own[c][x]);
@@ -207,7 +249,7 @@ impl Frame {
     fn advance(&mut self, row: usize) {
         self.sums.advance();
         self.prepared.rotate_left(1);
-        self.band
-            .drop_before(((row + 1) * CELL).saturating_sub(BLOCK_HALO + self.missing.halo()));
+        let next = (row + 1) * CELL;
+        self.band.drop_before(next - HALO, next - GUIDES_ABOVE);
     }
 }

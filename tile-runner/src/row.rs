@@ -4,7 +4,7 @@
 //! pipeline turns them into [`OutputRow`]s, from top to bottom, for a [`RowSink`]. Neither end knows the
 //! other, and the pipeline knows neither files nor channel names.
 
-use crate::geometry::ImageSize;
+use crate::geometry::{ImageSize, plane_bytes};
 
 /// Features beside the pixel position: normal x y z, albedo r g b, depth.
 pub const FEATURES: usize = 7;
@@ -28,15 +28,15 @@ pub struct RowLayout {
     pub size: ImageSize,
     /// What [`InputRow::variance`] means.
     pub variance: VarianceKind,
-    /// Which features the image has; planes of the others hold 0.
+    /// Which features the image has, all of a normal and of an albedo or none; the others have no planes.
     pub features: [bool; FEATURES],
-    /// Which features have variances of their own; planes of the others hold 0.
+    /// Which features have variances of their own; planes of the others hold 0, and the pipeline estimates them.
     pub feature_variances: [bool; FEATURES],
     /// Extra colour layers to denoise with the models of the beauty.
     pub layers: usize,
 }
 
-/// One row of input. Every plane has the image's width.
+/// One row of input. Every plane has the image's width, but those of features that the image lacks are empty.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct InputRow {
     /// Mean radiance, red green blue.
@@ -58,13 +58,20 @@ impl InputRow {
             core::array::from_fn(|_| vec![0.0; width])
         }
         let width = layout.size.width();
+        let feature = |k: usize| vec![0.0; if layout.features[k] { width } else { 0 }];
         Self {
             colour: planes(width),
             variance: planes(width),
-            features: planes(width),
-            feature_variances: planes(width),
+            features: core::array::from_fn(feature),
+            feature_variances: core::array::from_fn(feature),
             layers: (0..layout.layers).map(|_| planes(width)).collect(),
         }
+    }
+
+    /// Bytes of a row.
+    pub fn bytes(layout: &RowLayout) -> u64 {
+        let features = layout.features.iter().filter(|present| **present).count();
+        plane_bytes(layout.size, 1, 6 + 2 * features + 3 * layout.layers)
     }
 }
 
@@ -96,6 +103,13 @@ impl OutputRow {
                 .map(|_| std::array::from_fn(|_| plane()))
                 .collect(),
         }
+    }
+}
+
+impl OutputRow {
+    /// Bytes of a row.
+    pub fn bytes(layout: &RowLayout) -> u64 {
+        plane_bytes(layout.size, 1, 6 + 3 * layout.layers)
     }
 }
 

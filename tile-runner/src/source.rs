@@ -154,7 +154,8 @@ fn count_off(row: &InputRow) -> u64 {
     (0..row.colour[0].len()).filter(|&x| off(x)).count() as u64
 }
 
-fn layout(roles: &Roles, size: ImageSize, layers: usize) -> RowLayout {
+/// What the rows of a source for `roles` hold.
+pub(crate) fn layout(roles: &Roles, size: ImageSize, layers: usize) -> RowLayout {
     let mut features = [false; FEATURES];
     let mut feature_variances = [false; FEATURES];
     let mut fill = |range: std::ops::Range<usize>, known: Option<bool>| {
@@ -195,9 +196,13 @@ impl Planes {
     }
 
     fn open(&mut self, files: &[Arc<ExrFile>], at: ChannelRef, limit: u64) -> Result<(), Error> {
-        if let Entry::Vacant(free) = self.parts.entry((at.file, at.part)) {
-            free.insert(PartRows::new(files[at.file].clone(), at.part, limit)?);
-        }
+        let rows = match self.parts.entry((at.file, at.part)) {
+            Entry::Occupied(rows) => rows.into_mut(),
+            Entry::Vacant(free) => {
+                free.insert(PartRows::new(files[at.file].clone(), at.part, limit)?)
+            }
+        };
+        rows.keep(at.channel);
         Ok(())
     }
 

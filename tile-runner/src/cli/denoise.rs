@@ -12,6 +12,7 @@ use linpred::error::Error;
 use linpred::job::{self, Input, InputRequest, JobOptions, Summary};
 use linpred::memory::DEFAULT_LIMIT;
 use linpred::pipeline::Options;
+use linpred::plan;
 use linpred::presets::Preset;
 use linpred::rewrite::ExtraLayers;
 use linpred::roles::RoleRequest;
@@ -157,10 +158,15 @@ fn announce(input: &Input, options: &JobOptions) -> Result<(), Error> {
 }
 
 fn dry_run(input: &Input, options: &JobOptions) -> Result<(), Error> {
-    let plan = job::memory_plan(input, &input.rewrite(options.extra)?, options)?;
+    let (schedule, plan) = plan::schedule(input, &input.rewrite(options.extra)?, options);
     let inspection = linpred::inspect::describe(input);
+    let threads = schedule.threads;
+    let rows = schedule.rows_in_flight;
     // nobody is left to be told when standard output is closed
-    let _ = write!(std::io::stdout(), "{inspection}memory:\n{plan}\n");
+    let _ = write!(
+        std::io::stdout(),
+        "{inspection}threads: {threads}, rows read ahead: {rows}\nmemory:\n{plan}\n"
+    );
     plan.check(options.memory_limit)
 }
 
@@ -188,13 +194,18 @@ fn report(summary: &Summary, started: Instant, format: LogFormat, output: &Path)
             passed_through = done.passed_through,
             repaired = done.repaired,
             clamped = summary.clamped,
+            peak_bytes = summary.peak_memory,
             seconds,
             "denoised"
         ),
         LogFormat::Text => {
+            let peak = summary
+                .peak_memory
+                .map(|bytes| format!(", {} MiB", bytes >> 20));
+            let peak = peak.unwrap_or_default();
             let share = |count: u64| 100.0 * count as f64 / done.pixels as f64;
             tracing::info!(
-                "{}: {} pixels, models for {:.1} %, {:.1} % passed through, {} repaired, {seconds:.2} s",
+                "{}: {} pixels, models for {:.1} %, {:.1} % passed through, {} repaired, {seconds:.2} s{peak}",
                 output.display(),
                 done.pixels,
                 share(done.models),

@@ -6,8 +6,8 @@
 
 pub mod attributes;
 pub mod chunk;
+pub mod codec;
 mod dwa_leader;
-pub mod encode;
 pub mod grid;
 pub mod header;
 pub mod output;

@@ -3,12 +3,13 @@
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use exr::meta::attribute::{Compression, IntegerBounds};
 
 use super::attributes::RawHeader;
 use super::chunk::ChunkHead;
+use super::codec::BlockCodec;
 use super::dwa_leader;
 use super::grid::Place;
 use super::header::{Part, parse_parts};
@@ -31,6 +32,7 @@ pub struct ExrFile {
     parts: Vec<Part>,
     /// Offset tables, 8 bytes per block.
     offsets: Vec<Vec<u64>>,
+    codec: Mutex<BlockCodec>,
 }
 
 impl ExrFile {
@@ -72,6 +74,7 @@ impl ExrFile {
             version: raw.version,
             parts,
             offsets,
+            codec: Mutex::default(),
         })
     }
 
@@ -90,30 +93,55 @@ impl ExrFile {
         &self.parts
     }
 
-    /// Decodes the block in `column`, `row` of a part's full resolution: for each line, for each channel, its samples in
-    /// native byte order.
+    /// Decodes the block in `column`, `row` of a part's full resolution into `out`: for each line, for each channel for which
+    /// `wanted` is true, its samples in native byte order.
     ///
     /// The caller has checked [`Part::block_bytes`] against its memory limit and [`Part::refusal`].
-    pub fn decode_block(&self, part: usize, column: usize, row: usize) -> Result<Vec<u8>, Error> {
+    pub fn decode_block(
+        &self,
+        part: usize,
+        (column, row): (usize, usize),
+        wanted: impl Fn(usize) -> bool,
+        out: &mut Vec<u8>,
+    ) -> Result<(), Error> {
         let described = &self.parts[part];
         let index = row * described.grid.columns() + column;
-        let compressed = self.read_payload(part, index)?;
         let bounds = described.grid.bounds(column, row);
-        let compression = described.header.compression;
-        let channels = described.header.channels.list.len();
+        let mut codec = self.codec();
+        self.read_payload(part, index, &mut codec.payload)?;
+        let (compression, list) = (described.header.compression, &described.header.channels);
         if matches!(compression, Compression::DWAA(_) | Compression::DWAB(_))
-            && compressed.len() as u64 != block_size(described, bounds)
-            && !dwa_leader::is_plausible(&compressed, channels, bounds)
+            && codec.payload.len() as u64 != block_size(described, bounds)
+            && !dwa_leader::is_plausible(&codec.payload, list.list.len(), bounds)
         {
             let reason = "announces more data than a block of its size can hold";
             return Err(self.block_error(part, index, reason));
         }
-        compression
-            .decompress_image_section_from_le(&described.header, compressed, bounds, false)
+        let width = bounds.size.0;
+        let lines = (0..bounds.size.1).flat_map(|line| {
+            let start = line * width * list.bytes_per_pixel;
+            let channels = list.channels_with_byte_offset().enumerate();
+            channels
+                .filter(|(channel, _)| wanted(*channel))
+                .map(move |(_, (offset, channel))| {
+                    let from = start + width * offset;
+                    from..from + width * channel.sample_type.bytes_per_sample()
+                })
+        });
+        out.clear();
+        codec
+            .decode(&described.header, bounds, lines, out)
             .map_err(|error| match error {
                 exr::error::Error::Invalid(reason) => self.block_error(part, index, &reason),
                 other => self.block_error(part, index, &other.to_string()),
             })
+    }
+
+    /// What codes this file's blocks and those of files made from it: one at a time, so that no more than one block's
+    /// worth of working memory is in use.
+    pub fn codec(&self) -> MutexGuard<'_, BlockCodec> {
+        // its buffers are filled anew for every block, so a thread that died in one leaves nothing behind
+        self.codec.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The blocks of a part as the file stores them, from its beginning to its end.
@@ -147,7 +175,7 @@ impl ExrFile {
     }
 
     /// Reads a chunk's payload, still compressed.
-    fn read_payload(&self, part: usize, index: usize) -> Result<Vec<u8>, Error> {
+    fn read_payload(&self, part: usize, index: usize, payload: &mut Vec<u8>) -> Result<(), Error> {
         let (head, at) = self.find_chunk(part, index)?;
         // compressors fall back to raw storage when they gain nothing, so a payload never exceeds its block
         let limit = self.parts[part].block_bytes();
@@ -158,9 +186,8 @@ impl ExrFile {
             );
             return Err(self.block_error(part, index, &reason));
         }
-        let mut payload = vec![0; head.payload as usize];
-        self.read_at(at, &mut payload)?;
-        Ok(payload)
+        payload.resize(head.payload as usize, 0);
+        self.read_at(at, payload)
     }
 
     /// Reads and checks a chunk's head; gives it and where its payload begins.

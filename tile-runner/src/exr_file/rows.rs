@@ -39,8 +39,8 @@ pub fn check_decodable(file: &ExrFile, part: usize, limit: u64) -> Result<(), Er
 pub struct PartRows {
     file: Arc<ExrFile>,
     part: usize,
-    /// Bytes of the channels before each channel, per pixel.
-    starts: Vec<usize>,
+    /// Whether each channel is read.
+    kept: Vec<bool>,
     types: Vec<SampleType>,
     /// Which row of blocks is decoded.
     current: Option<usize>,
@@ -55,24 +55,21 @@ struct Block {
 }
 
 impl PartRows {
-    /// Rows of a part. Errors as for [`check_decodable`].
+    /// Rows of a part, once it has been told with [`keep`](Self::keep) which channels. Errors as for [`check_decodable`].
     pub fn new(file: Arc<ExrFile>, part: usize, limit: u64) -> Result<Self, Error> {
         check_decodable(&file, part, limit)?;
         let described = &file.parts()[part];
         let channels = &described.header.channels;
-        let starts = channels
-            .channels_with_byte_offset()
-            .map(|(start, _)| start)
-            .collect();
         let types = channels
             .list
             .iter()
             .map(|channel| channel.sample_type)
             .collect();
+        let kept = vec![false; channels.list.len()];
         Ok(Self {
             file,
             part,
-            starts,
+            kept,
             types,
             current: None,
             blocks: Vec::new(),
@@ -85,7 +82,13 @@ impl PartRows {
         self.part
     }
 
-    /// Writes the samples of `channel` in row `y` to `out`, in native byte order; `out` is as long as they are.
+    /// Has `channel` decoded from now on.
+    pub fn keep(&mut self, channel: usize) {
+        self.kept[channel] = true;
+        self.current = None;
+    }
+
+    /// Writes the samples of `channel`, which is kept, in row `y` to `out`, in native byte order; `out` is as long as they are.
     pub fn copy_row(&mut self, channel: usize, y: usize, out: &mut [u8]) -> Result<(), Error> {
         self.load(y)?;
         let size = self.types[channel].bytes_per_sample();
@@ -97,7 +100,7 @@ impl PartRows {
         Ok(())
     }
 
-    /// Writes the samples of `channel` in row `y` to `out` as `f32`; `out` has the width of the data window. Integers are
+    /// Writes the samples of `channel`, which is kept, in row `y` to `out` as `f32`; `out` has the width of the data window. Integers are
     /// rounded to the nearest `f32`.
     pub fn read_row(&mut self, channel: usize, y: usize, out: &mut [f32]) -> Result<(), Error> {
         let kind = self.types[channel];
@@ -119,12 +122,18 @@ impl PartRows {
             return Ok(());
         }
         self.current = None;
-        self.blocks.clear();
         for column in 0..grid.columns() {
-            self.blocks.push(Block {
-                bounds: grid.bounds(column, row),
-                bytes: self.file.decode_block(self.part, column, row)?,
-            });
+            if self.blocks.len() == column {
+                self.blocks.push(Block {
+                    bounds: grid.bounds(column, row),
+                    bytes: Vec::new(),
+                });
+            }
+            let block = &mut self.blocks[column];
+            block.bounds = grid.bounds(column, row);
+            let kept = |channel: usize| self.kept[channel];
+            self.file
+                .decode_block(self.part, (column, row), kept, &mut block.bytes)?;
         }
         self.current = Some(row);
         Ok(())
@@ -132,9 +141,13 @@ impl PartRows {
 
     fn line<'a>(&self, block: &'a Block, channel: usize, y: usize) -> &'a [u8] {
         let width = block.bounds.size.0;
-        let bytes_per_pixel = self.file.parts()[self.part].header.channels.bytes_per_pixel;
-        let line = (y - block.bounds.position.1 as usize) * width * bytes_per_pixel;
-        let start = line + width * self.starts[channel];
+        let bytes = |channels: &mut dyn Iterator<Item = usize>| -> usize {
+            let kept = channels.filter(|&channel| self.kept[channel]);
+            kept.map(|channel| self.types[channel].bytes_per_sample())
+                .sum()
+        };
+        let line = (y - block.bounds.position.1 as usize) * bytes(&mut (0..self.types.len()));
+        let start = width * (line + bytes(&mut (0..channel)));
         &block.bytes[start..start + width * self.types[channel].bytes_per_sample()]
     }
 }

@@ -1,0 +1,113 @@
+//! A run keeps to the plan that `--dry-run` prints, and a tighter `--max-memory` changes how it runs, not what it writes.
+
+use std::fs;
+use std::path::Path;
+
+use exr::prelude::*;
+use linpred_tests::command::linpred;
+use linpred_tests::images::{TestPart, everything, part, write};
+
+/// What `--dry-run` plans, bytes.
+fn planned(folder: &Path, options: &[&str]) -> u64 {
+    let input = folder.join("in.exr");
+    let mut arguments = vec![
+        "denoise",
+        input.to_str().unwrap(),
+        "-o",
+        "unused.exr",
+        "--dry-run",
+    ];
+    arguments.extend(options);
+    let text = linpred(arguments).succeeds().stdout();
+    let line = text.lines().find(|line| line.ends_with("in all")).unwrap();
+    let mebibytes: f64 = line.split_whitespace().next().unwrap().parse().unwrap();
+    (mebibytes * (1 << 20) as f64) as u64
+}
+
+/// Denoises; gives the most memory that was in use, bytes.
+fn peak(folder: &Path, output: &str, options: &[&str]) -> Option<u64> {
+    let (input, output) = (folder.join("in.exr"), folder.join(output));
+    let mut arguments = vec![
+        "denoise",
+        input.to_str().unwrap(),
+        "-o",
+        output.to_str().unwrap(),
+        "--quality",
+        "fast",
+        "--log-format",
+        "json",
+    ];
+    arguments.extend(options);
+    let log = linpred(arguments).succeeds().stderr();
+    let line = log
+        .lines()
+        .find(|line| line.contains("\"denoised\""))
+        .unwrap();
+    let json: serde_json::Value = serde_json::from_str(line).unwrap();
+    json["fields"]["peak_bytes"].as_u64()
+}
+
+fn image(size: (usize, usize), compression: Compression, blocks: Blocks) -> TestPart {
+    TestPart {
+        encoding: Encoding {
+            compression,
+            blocks,
+            line_order: LineOrder::Increasing,
+        },
+        ..part(everything(size.0 * size.1))
+    }
+}
+
+#[test]
+fn a_run_uses_no_more_memory_than_planned_and_not_much_less_where_it_is_large() {
+    let folder = tempfile::tempdir().unwrap();
+    let tiles = Blocks::Tiles(Vec2(64, 64));
+    for (size, compression, blocks) in [
+        ((64, 40), Compression::ZIP16, Blocks::ScanLines),
+        ((8192, 60), Compression::ZIP16, Blocks::ScanLines),
+        ((8192, 60), Compression::ZIP16, tiles),
+        ((4096, 60), Compression::PIZ, Blocks::ScanLines),
+        ((4096, 60), Compression::DWAA(None), Blocks::ScanLines),
+    ] {
+        write(
+            &folder.path().join("in.exr"),
+            size,
+            vec![image(size, compression, blocks)],
+        );
+        for threads in ["1", "2"] {
+            let options = ["--threads", threads];
+            let planned = planned(folder.path(), &options);
+            let Some(peak) = peak(folder.path(), "out.exr", &options) else {
+                println!("this system does not tell the peak of a process's memory: not compared");
+                return;
+            };
+            let case = format!("{size:?} {compression} {blocks:?} {threads}: {peak} of {planned}");
+            println!("{case}");
+            assert!(peak <= planned, "{case}");
+            assert!(size.0 < 4096 || planned <= 2 * peak, "{case}");
+        }
+    }
+}
+
+#[test]
+fn a_tighter_limit_gives_the_same_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let size = (700, 50);
+    let image = image(size, Compression::ZIP16, Blocks::ScanLines);
+    write(&folder.path().join("in.exr"), size, vec![image]);
+    let plan = planned(folder.path(), &["--threads", "4"]);
+    let frugal = planned(folder.path(), &["--threads", "1"]);
+    assert!(frugal < plan, "{frugal} {plan}");
+    peak(folder.path(), "ample.exr", &["--threads", "4"]);
+    for limit in [plan - 1, (plan + frugal) / 2, frugal + (1 << 20)] {
+        let limit = limit.to_string();
+        let options = ["--threads", "4", "--max-memory", &limit];
+        assert!(planned(folder.path(), &options) <= limit.parse::<u64>().unwrap());
+        peak(folder.path(), "tight.exr", &options);
+        let read = |name: &str| fs::read(folder.path().join(name)).unwrap();
+        assert!(
+            read("ample.exr") == read("tight.exr"),
+            "--max-memory {limit}"
+        );
+    }
+}
