@@ -106,22 +106,38 @@ fn build_model<const D: usize>(
     }
     // A window of rank 3 pays for rank 3.
     match local_features(tile, centre, params.truncation, &mut scratch.terms) {
-        0 | 1 => build_with::<1>(centre, params, layers, scratch, predictions),
-        2 => build_with::<2>(centre, params, layers, scratch, predictions),
-        3 => build_with::<3>(centre, params, layers, scratch, predictions),
-        4 => build_with::<4>(centre, params, layers, scratch, predictions),
-        5 => build_with::<5>(centre, params, layers, scratch, predictions),
-        6 => build_with::<6>(centre, params, layers, scratch, predictions),
-        7 => build_with::<7>(centre, params, layers, scratch, predictions),
-        8 => build_with::<8>(centre, params, layers, scratch, predictions),
-        9 => build_with::<9>(centre, params, layers, scratch, predictions),
-        10 => build_with::<10>(centre, params, layers, scratch, predictions),
-        11 => build_with::<11>(centre, params, layers, scratch, predictions),
-        12 => build_with::<12>(centre, params, layers, scratch, predictions),
-        13 => build_with::<13>(centre, params, layers, scratch, predictions),
-        14 => build_with::<14>(centre, params, layers, scratch, predictions),
-        15 => build_with::<15>(centre, params, layers, scratch, predictions),
-        _ => build_with::<16>(centre, params, layers, scratch, predictions),
+        0 | 1 => build_within::<1, D>(centre, params, layers, scratch, predictions),
+        2 => build_within::<2, D>(centre, params, layers, scratch, predictions),
+        3 => build_within::<3, D>(centre, params, layers, scratch, predictions),
+        4 => build_within::<4, D>(centre, params, layers, scratch, predictions),
+        5 => build_within::<5, D>(centre, params, layers, scratch, predictions),
+        6 => build_within::<6, D>(centre, params, layers, scratch, predictions),
+        7 => build_within::<7, D>(centre, params, layers, scratch, predictions),
+        8 => build_within::<8, D>(centre, params, layers, scratch, predictions),
+        9 => build_within::<9, D>(centre, params, layers, scratch, predictions),
+        10 => build_within::<10, D>(centre, params, layers, scratch, predictions),
+        11 => build_within::<11, D>(centre, params, layers, scratch, predictions),
+        12 => build_within::<12, D>(centre, params, layers, scratch, predictions),
+        13 => build_within::<13, D>(centre, params, layers, scratch, predictions),
+        14 => build_within::<14, D>(centre, params, layers, scratch, predictions),
+        15 => build_within::<15, D>(centre, params, layers, scratch, predictions),
+        _ => build_within::<16, D>(centre, params, layers, scratch, predictions),
+    }
+}
+
+/// The same for a model of `T` terms; nothing where `D` features cannot make so many, so that no code is made for it.
+#[inline(always)]
+fn build_within<const T: usize, const D: usize>(
+    centre: (usize, usize),
+    params: &Params,
+    layers: &mut [LayerTile],
+    scratch: &mut Scratch,
+    predictions: &mut Predictions,
+) -> usize {
+    if const { T <= D + 1 } {
+        build_with::<T>(centre, params, layers, scratch, predictions)
+    } else {
+        0
     }
 }
 
