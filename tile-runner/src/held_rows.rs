@@ -24,7 +24,7 @@ pub(crate) struct HeldRow {
     pub(crate) features: [Vec<f32>; FEATURES],
     /// Variances of the features.
     pub(crate) feature_variances: [Vec<f32>; FEATURES],
-    /// Extra layers, 0 where not finite.
+    /// Extra layers, 0 where not finite and where the pixel is bad: what a layer holds there is no better.
     pub(crate) layers: Vec<[Vec<f32>; 3]>,
 }
 
@@ -80,8 +80,9 @@ impl HeldRow {
         }
         for (own, layer) in self.layers.iter_mut().zip(&input.layers) {
             for (own, plane) in own.iter_mut().zip(layer) {
-                for (own, &value) in own.iter_mut().zip(plane) {
-                    *own = if value.is_finite() { value } else { 0.0 };
+                for ((own, &value), good) in own.iter_mut().zip(plane).zip(&self.good) {
+                    let usable = *good > 0.0 && value.abs() <= LARGEST;
+                    *own = if usable { value } else { 0.0 };
                 }
             }
         }
