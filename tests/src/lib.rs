@@ -1,5 +1,6 @@
 //! Oracles, strategies and tolerances for the tests of linpred.
 
+pub mod cells;
 pub mod command;
 pub mod frames;
 pub mod images;
