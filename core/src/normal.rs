@@ -24,6 +24,7 @@ const PIVOT_NOISE: f64 = 1e-14;
 
 /// A sum was not finite, because a regressor, radiance, weight or the prior was not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct NotFinite;
 
 impl core::fmt::Display for NotFinite {

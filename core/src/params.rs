@@ -2,6 +2,7 @@
 
 /// How many models must predict a pixel before no new one is built for it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Quality {
     /// One model: the papers' sparse placement.
     Fast,
@@ -14,6 +15,7 @@ pub enum Quality {
 
 /// Which formulas fit, choose and blend the models.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Formulas {
     /// This crate's: weighted fits, a risk that takes the noise off, predictions blended by their local error.
     #[default]

@@ -29,6 +29,7 @@ const DIAGONAL: (f32, f32) = (1e-30, 1e25);
 /// What became of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[must_use]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Taken {
     /// It is in the fit.
     Yes,

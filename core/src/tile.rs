@@ -15,6 +15,7 @@ pub const WINDOW_AREA: usize = (2 * RADIUS + 1) * (2 * RADIUS + 1);
 
 /// What a pixel asks of the cell that holds it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum PixelState {
     /// It lies outside the image: nothing reads or predicts it.
     #[default]

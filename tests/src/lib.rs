@@ -1,6 +1,8 @@
 //! Oracles, strategies and tolerances for the tests of linpred.
 
+pub mod cells;
 pub mod command;
+pub mod frames;
 pub mod images;
 pub mod oracle;
 pub mod strategies;

@@ -15,7 +15,7 @@ pub(crate) struct ColourRow {
     pub(crate) colour: [Vec<f32>; 3],
     /// 1, or 0 where the colour is not finite.
     pub(crate) good: Vec<f32>,
-    /// Extra layers, 0 where not finite.
+    /// Extra layers, 0 where not finite and where the pixel is bad: what a layer holds there is no better.
     pub(crate) layers: Vec<[Vec<f32>; 3]>,
 }
 
@@ -57,8 +57,9 @@ impl ColourRow {
         }
         for (own, layer) in self.layers.iter_mut().zip(&input.layers) {
             for (own, plane) in own.iter_mut().zip(layer) {
-                for (own, &value) in own.iter_mut().zip(plane) {
-                    *own = if value.is_finite() { value } else { 0.0 };
+                for ((own, &value), good) in own.iter_mut().zip(plane).zip(&self.good) {
+                    let usable = *good > 0.0 && value.abs() <= LARGEST;
+                    *own = if usable { value } else { 0.0 };
                 }
             }
         }

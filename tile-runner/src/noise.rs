@@ -127,10 +127,15 @@ impl Missing {
 fn load(held: &HeldRows, layout: &RowLayout, x: usize, y: usize) -> Box<NoisyBlock> {
     let mut block = Box::new(NoisyBlock::BLACK);
     let size = layout.size;
+    // Rows below the last that is wanted may not be held: any will do whose neighbours are, from which a missing feature is filled.
+    let last = if held.next() == size.height() {
+        size.height() - 1
+    } else {
+        held.next() - 2
+    };
     for row in 0..NoisyBlock::HEIGHT {
-        // Rows below the last that is wanted may not be held: any will do.
         let wanted = mirrored((y + row) as isize - NOISE_HALO as isize, size.height());
-        let from_row = wanted.min(held.next() - 1);
+        let from_row = wanted.min(last);
         let source = held.colours(from_row as isize);
         for column in 0..NoisyBlock::WIDTH {
             let from = mirrored((x + column) as isize - NOISE_HALO as isize, size.width());

@@ -52,7 +52,13 @@ fn cells() {
     let mut models = 0;
     counted(&mut || {
         for tile in &tiles {
-            models += denoise_cell(tile, &Params::default(), &mut scratch, &mut predictions);
+            models += denoise_cell(
+                tile,
+                &Params::default(),
+                &mut [],
+                &mut scratch,
+                &mut predictions,
+            );
         }
     });
     black_box(&predictions);

@@ -1,0 +1,75 @@
+//! Tiles made of a few values over and over, and the core run on them.
+
+use linpred_core::{Denoised, Params, PixelState, Predictions, Scratch, TILE_AREA, resolve};
+
+/// Features of a pixel.
+pub const FEATURES: usize = 9;
+
+/// A tile with the features of a row of the pipeline.
+pub type Tile = linpred_core::Tile<FEATURES>;
+
+/// What became of a tile.
+#[derive(Clone, Debug)]
+pub struct Cell {
+    /// How many models it took.
+    pub models: u32,
+    /// What they predict.
+    pub predictions: Box<Predictions>,
+    /// The pixels, as if no other cell reached them.
+    pub pixels: Vec<Denoised>,
+}
+
+/// Denoises the cell of a tile, and resolves the whole tile.
+pub fn denoise(tile: &Tile, params: &Params) -> Cell {
+    let (mut scratch, mut predictions) = (Box::new(Scratch::new()), Box::new(Predictions::NONE));
+    let models = linpred_core::denoise_cell(tile, params, &mut [], &mut scratch, &mut predictions);
+    let pixels = tile.pixels.iter().zip(&predictions.sums);
+    Cell {
+        models,
+        pixels: pixels
+            .map(|(pixel, sum)| resolve(pixel, sum, params.formulas))
+            .collect(),
+        predictions,
+    }
+}
+
+/// A tile whose values are `values` again and again, within what a tile may hold: what is not finite is taken
+/// for 0, magnitudes above 1e15 for that, weights and variances are not negative and at most 1e30, and the states
+/// follow `states`.
+///
+/// Panics if either is empty.
+pub fn tile(values: &[f32], states: &[u8]) -> Box<Tile> {
+    let mut tile = Box::new(Tile::EMPTY);
+    let mut values = values.iter().cycle().map(|v| {
+        let v = if v.is_finite() { *v } else { 0.0 };
+        v.clamp(-1e15, 1e15)
+    });
+    let mut next = move || values.next().expect("not empty");
+    for i in 0..TILE_AREA {
+        let pixel = &mut tile.pixels[i];
+        let square = |v: f32| (v * v).min(1e30);
+        for k in 2..FEATURES {
+            pixel.features[k] = next();
+            pixel.feature_variance[k] = square(next());
+        }
+        pixel.features[0] = (i % linpred_core::TILE) as f32;
+        pixel.features[1] = (i / linpred_core::TILE) as f32;
+        pixel.colour = [next(), next(), next()];
+        pixel.weight = square(next());
+        pixel.variance = square(next());
+        pixel.tolerance = square(next()).max(pixel.variance);
+        pixel.state = match states[i % states.len()] % 8 {
+            0 => PixelState::Outside,
+            1 => PixelState::Bad,
+            2 => PixelState::Clean,
+            _ => PixelState::Noisy,
+        };
+        match pixel.state {
+            PixelState::Outside => *pixel = linpred_core::Pixel::OUTSIDE,
+            PixelState::Bad => (pixel.colour, pixel.weight) = ([0.0; 3], 0.0),
+            PixelState::Clean => pixel.variance = 0.0,
+            PixelState::Noisy => {}
+        }
+    }
+    tile
+}

@@ -1,0 +1,314 @@
+//! Synthetic frames in memory whose truth is known, and the pipeline run on them.
+
+use std::num::NonZeroUsize;
+use std::ops::{ControlFlow, Range};
+
+use linpred::error::Error;
+use linpred::geometry::ImageSize;
+use linpred::pipeline::{Options, Report, denoise};
+use linpred::row::{FEATURES, InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
+use linpred_core::Params;
+use proptest::prelude::{Just, Strategy, any};
+use proptest::sample::select;
+
+use crate::images::noise;
+
+/// Side of a cell.
+pub const CELL: usize = 19;
+
+/// Rows and columns around a pixel, beyond which nothing is read for it: it lies at the rim of a tile (36), whose farthest pixel
+/// was prepared from 10 more, whose variances were estimated from 6 more.
+pub const REACH: usize = 36 + 10 + 6;
+
+/// An image and, where it was made here, what it would be without noise.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// What the rows hold.
+    pub layout: RowLayout,
+    /// The rows.
+    pub rows: Vec<InputRow>,
+    /// Noiseless radiance, row after row.
+    pub truth: Vec<[f32; 3]>,
+}
+
+/// What comes out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Output {
+    /// The rows.
+    pub rows: Vec<OutputRow>,
+    /// The counts.
+    pub report: Report,
+}
+
+/// A ball before a chequered wall under a soft shadow, and how it is sampled.
+#[derive(Clone, Copy, Debug)]
+pub struct Scene {
+    /// Columns and rows.
+    pub size: (usize, usize),
+    /// The frame's top left pixel in the scene, for frames that are moved.
+    pub origin: (usize, usize),
+    /// Of the noise.
+    pub seed: u32,
+    /// Standard deviation of the radiance, as a part of it.
+    pub noise: f32,
+    /// Standard deviation of the features.
+    pub feature_noise: f32,
+    /// Whether features come at all.
+    pub features: bool,
+    /// Whether the variances come with the image.
+    pub variances: bool,
+    /// Extra layers; the last is what is missing to the beauty.
+    pub layers: usize,
+}
+
+impl Scene {
+    /// A noisy image with everything that a renderer can write, but no layers.
+    pub fn new(width: usize, height: usize) -> Self {
+        Self {
+            size: (width, height),
+            origin: (0, 0),
+            seed: 1,
+            noise: 0.3,
+            feature_noise: 0.02,
+            features: true,
+            variances: true,
+            layers: 0,
+        }
+    }
+
+    /// The image.
+    pub fn render(&self) -> Frame {
+        let (width, height) = self.size;
+        let layout = RowLayout {
+            size: ImageSize::new(width, height).expect("not empty"),
+            variance: if self.variances {
+                VarianceKind::OfMean
+            } else {
+                VarianceKind::Estimated
+            },
+            features: [self.features; FEATURES],
+            feature_variances: [self.features && self.variances; FEATURES],
+            layers: self.layers,
+        };
+        let mut frame = Frame {
+            layout,
+            rows: (0..height).map(|_| InputRow::new(&layout)).collect(),
+            truth: Vec::with_capacity(width * height),
+        };
+        for (y, row) in frame.rows.iter_mut().enumerate() {
+            for x in 0..width {
+                let truth = self.sample(row, x, (x + self.origin.0, y + self.origin.1));
+                frame.truth.push(truth);
+            }
+        }
+        frame
+    }
+
+    fn sample(&self, row: &mut InputRow, x: usize, at: (usize, usize)) -> [f32; 3] {
+        let clean = features(at);
+        let radiance = radiance(&clean, at);
+        let present = FEATURES * usize::from(self.features);
+        for (k, &value) in clean.iter().enumerate().take(present) {
+            row.features[k][x] = value + self.feature_noise * self.normal(k + 8, at);
+            if self.variances {
+                row.feature_variances[k][x] = self.feature_noise * self.feature_noise;
+            }
+        }
+        for (c, &value) in radiance.iter().enumerate() {
+            let deviation = self.noise * value;
+            row.colour[c][x] = value + deviation * self.normal(c, at);
+            if self.variances {
+                row.variance[c][x] = deviation * deviation;
+            }
+            let mut rest = row.colour[c][x];
+            for k in 0..self.layers {
+                let share = if k + 1 < self.layers {
+                    row.colour[c][x] * (0.2 + 0.5 * clean[3] * self.normal(k + 20, at))
+                } else {
+                    rest
+                };
+                rest -= share;
+                row.layers[k][c][x] = share;
+            }
+        }
+        radiance
+    }
+
+    /// A number of mean 0 and variance 1 that depends on the pixel of the scene alone: the sum of twelve uniform ones.
+    fn normal(&self, stream: usize, (x, y): (usize, usize)) -> f32 {
+        let index = (y << 12) + x;
+        let uniform = |i| noise(self.seed * 1000 + (12 * stream + i) as u32, index);
+        (0..12).map(uniform).sum::<f32>() - 6.0
+    }
+}
+
+/// Normal, albedo and depth.
+fn features((x, y): (usize, usize)) -> [f32; FEATURES] {
+    let (u, v) = ((x % 64) as f32 / 32.0 - 1.0, (y % 64) as f32 / 32.0 - 1.0);
+    let height = 0.6 - u * u - v * v;
+    if height > 0.0 {
+        let z = height.sqrt();
+        return [u, v, z, 0.7, 0.4, 0.2, 3.0 - z];
+    }
+    let bright = (x / 7 + y / 11) % 2 == 0;
+    let albedo = if bright { 0.8 } else { 0.25 };
+    [0.0, 0.0, 1.0, albedo, albedo, 0.9 * albedo, 4.0 + 0.2 * u]
+}
+
+/// Light from the upper left, and a soft shadow that no feature knows of.
+fn radiance(features: &[f32; FEATURES], (x, y): (usize, usize)) -> [f32; 3] {
+    let [nx, ny, nz, red, green, blue, _] = *features;
+    let light = (0.6 * nz - 0.5 * nx - 0.4 * ny).max(0.0) + 0.1;
+    let shadow = 0.6 + 0.4 * ((x as f32 + 0.5 * y as f32) / 9.0).sin();
+    [red, green, blue].map(|albedo| albedo * light * shadow)
+}
+
+impl Frame {
+    /// Columns.
+    pub fn width(&self) -> usize {
+        self.layout.size.width()
+    }
+
+    /// Rows.
+    pub fn height(&self) -> usize {
+        self.layout.size.height()
+    }
+
+    /// Only these rows.
+    pub fn crop(&self, rows: Range<usize>) -> Self {
+        let size = ImageSize::new(self.width(), rows.len()).expect("not empty");
+        Self {
+            layout: RowLayout {
+                size,
+                ..self.layout
+            },
+            rows: self.rows[rows.clone()].to_vec(),
+            truth: self.truth[rows.start * self.width()..rows.end * self.width()].to_vec(),
+        }
+    }
+
+    /// Denoises it on one thread.
+    pub fn denoise(&self, params: Params) -> Output {
+        self.denoise_on(1, params)
+    }
+
+    /// Denoises it on several threads.
+    pub fn denoise_on(&self, threads: usize, params: Params) -> Output {
+        let mut source = Asked {
+            frame: self,
+            next: 0,
+        };
+        let mut sink = Taken { rows: Vec::new() };
+        let options = Options {
+            params,
+            threads: NonZeroUsize::new(threads).expect("at least one"),
+        };
+        let report = denoise(&mut source, &mut sink, &options, &mut |_| {
+            ControlFlow::Continue(())
+        })
+        .expect("memory does not fail");
+        assert_eq!(
+            (source.next, sink.rows.len()),
+            (self.height(), self.height())
+        );
+        Output {
+            rows: sink.rows,
+            report,
+        }
+    }
+}
+
+impl Output {
+    /// Denoised radiance, row after row.
+    pub fn colours(&self) -> Vec<[f32; 3]> {
+        let row = |row: &OutputRow| pixels(&row.colour);
+        self.rows.iter().flat_map(row).collect()
+    }
+
+    /// The bits of every value of these rows and columns: radiance, error, radius, rank and layers.
+    pub fn bits(&self, rows: Range<usize>, columns: Range<usize>) -> Vec<u32> {
+        let rows = self.rows[rows].iter();
+        let planes = rows.flat_map(|row| {
+            let layers = row.layers.iter().flatten();
+            let colour = row.colour.iter().chain(layers);
+            colour.chain([&row.error, &row.radius, &row.rank])
+        });
+        planes
+            .flat_map(|plane| plane[columns.clone()].iter().map(|v| v.to_bits()))
+            .collect()
+    }
+
+    /// The bits of everything.
+    pub fn all_bits(&self) -> Vec<u32> {
+        self.bits(0..self.rows.len(), 0..self.rows[0].error.len())
+    }
+
+    /// Whether every value is finite.
+    pub fn is_finite(&self) -> bool {
+        self.all_bits()
+            .into_iter()
+            .all(|v| f32::from_bits(v).is_finite())
+    }
+}
+
+/// The pixels of three planes.
+pub fn pixels(planes: &[Vec<f32>; 3]) -> Vec<[f32; 3]> {
+    let [red, green, blue] = planes;
+    let pairs = red.iter().zip(green).zip(blue);
+    pairs.map(|((&r, &g), &b)| [r, g, b]).collect()
+}
+
+/// A source that insists on what the pipeline promises: every row once, from the top.
+struct Asked<'a> {
+    frame: &'a Frame,
+    next: usize,
+}
+
+impl RowSource for Asked<'_> {
+    fn layout(&self) -> RowLayout {
+        self.frame.layout
+    }
+
+    fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), Error> {
+        assert_eq!(y, self.next);
+        self.next += 1;
+        row.clone_from(&self.frame.rows[y]);
+        Ok(())
+    }
+}
+
+struct Taken {
+    rows: Vec<OutputRow>,
+}
+
+impl RowSink for Taken {
+    fn write_row(&mut self, y: usize, row: &OutputRow) -> Result<(), Error> {
+        assert_eq!(y, self.rows.len());
+        self.rows.push(row.clone());
+        Ok(())
+    }
+}
+
+/// Scenes of all sizes up to 90 x 70, those about cells (19) and blocks (28) more often than others.
+pub fn scenes() -> impl Strategy<Value = Scene> {
+    let side = |largest: usize| {
+        select(vec![1, 2, 9, 18, 19, 20, 28, 29, 37, 38, 39, 57, largest])
+            .prop_flat_map(move |side| proptest::prop_oneof![Just(side), 1..=largest])
+    };
+    let noise = (
+        select(vec![0.0f32, 0.1, 0.3, 1.0]),
+        select(vec![0.0f32, 0.02, 0.1]),
+    );
+    let what = (any::<bool>(), any::<bool>(), 0usize..3);
+    (side(90), side(70), any::<u16>(), noise, what).prop_map(
+        |(width, height, seed, (noise, feature_noise), (features, variances, layers))| Scene {
+            seed: u32::from(seed),
+            noise,
+            feature_noise,
+            features,
+            variances,
+            layers,
+            ..Scene::new(width, height)
+        },
+    )
+}

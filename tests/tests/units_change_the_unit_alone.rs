@@ -1,0 +1,93 @@
+//! What an image is measured in, and in which order its channels come, changes nothing but the same of the output.
+
+use linpred::row::InputRow;
+use linpred_core::{Params, Quality};
+use linpred_tests::frames::{Frame, Output, Scene};
+use linpred_tests::tolerance::{CHANNEL_ORDER, EXPOSURE, FEATURE_UNITS, close};
+
+fn mapped(frame: &Frame, change: impl Fn(&mut InputRow)) -> Output {
+    let mut frame = frame.clone();
+    frame.rows.iter_mut().for_each(change);
+    frame.denoise(Params::new(Quality::Balanced))
+}
+
+fn scale<'a>(planes: impl IntoIterator<Item = &'a mut Vec<f32>>, by: f32) {
+    planes.into_iter().flatten().for_each(|v| *v *= by);
+}
+
+fn exposed(frame: &Frame, by: f32) -> Output {
+    mapped(frame, |row| {
+        scale(&mut row.colour, by);
+        scale(&mut row.variance, by * by);
+    })
+}
+
+/// Largest distance between `a * unit` and `b`, over the largest of the former.
+fn distance(a: &Output, b: &Output, unit: f32) -> f64 {
+    let (a, b) = (a.colours(), b.colours());
+    let (mut largest, mut brightest) = (0.0f32, 0.0f32);
+    for (a, b) in a.as_flattened().iter().zip(b.as_flattened()) {
+        let difference = (a * unit - b).abs();
+        largest = largest.max(if difference.is_nan() {
+            f32::INFINITY
+        } else {
+            difference
+        });
+        brightest = brightest.max((a * unit).abs());
+    }
+    f64::from(largest / brightest)
+}
+
+#[test]
+fn exposure_scales_the_output() {
+    for variances in [true, false] {
+        let frame = Scene {
+            variances,
+            ..Scene::new(61, 44)
+        }
+        .render();
+        let plain = mapped(&frame, |_| {});
+        for by in [0.25, 1024.0, 2f32.powi(-20), 2f32.powi(30), 3.7, 1e6, 1e-6] {
+            let distance = distance(&plain, &exposed(&frame, by), by);
+            assert!(close(distance, 0.0, EXPOSURE), "{by}: {distance}");
+        }
+    }
+}
+
+#[test]
+fn features_in_metres_or_millimetres_are_the_same_features() {
+    let frame = Scene::new(61, 44).render();
+    let plain = mapped(&frame, |_| {});
+    // A power of two is exact.
+    for (by, tolerance) in [
+        (1024.0f32, 0.0),
+        (2f32.powi(-20), 0.0),
+        (1000.0, FEATURE_UNITS),
+        (1e-3, FEATURE_UNITS),
+        (0.3048, FEATURE_UNITS),
+    ] {
+        for first in [0, 6] {
+            let other = mapped(&frame, |row| {
+                scale(&mut row.features[first..], by);
+                scale(&mut row.feature_variances[first..], by * by);
+            });
+            let distance = distance(&plain, &other, 1.0);
+            assert!(close(distance, 0.0, tolerance), "{by}: {distance}");
+        }
+    }
+}
+
+#[test]
+fn channels_in_another_order_come_out_in_that_order() {
+    let frame = Scene::new(61, 44).render();
+    let mut plain = mapped(&frame, |_| {});
+    let turned = mapped(&frame, |row| {
+        row.colour.rotate_left(1);
+        row.variance.rotate_left(1);
+    });
+    for row in &mut plain.rows {
+        row.colour.rotate_left(1);
+    }
+    let distance = distance(&plain, &turned, 1.0);
+    assert!(close(distance, 0.0, CHANNEL_ORDER), "{distance}");
+}
