@@ -107,8 +107,9 @@ impl Scene {
     fn sample(&self, row: &mut InputRow, x: usize, at: (usize, usize)) -> [f32; 3] {
         let clean = features(at);
         let radiance = radiance(&clean, at);
-        for k in 0..FEATURES * usize::from(self.features) {
-            row.features[k][x] = clean[k] + self.feature_noise * self.normal(k + 8, at);
+        let given = FEATURES * usize::from(self.features);
+        for (k, value) in clean.iter().enumerate().take(given) {
+            row.features[k][x] = value + self.feature_noise * self.normal(k + 8, at);
             if self.variances {
                 row.feature_variances[k][x] = self.feature_noise * self.feature_noise;
             }
