@@ -7,12 +7,15 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use linpred_core::{Params, PixelState, Quality, RADIUS, TILE};
+use linpred_core::{Formulas, Params, PixelState, Quality, RADIUS, TILE};
 use linpred_tests::cells::{Tile, denoise, tile};
 
 /// A model of least squares predicts a pixel that it was fitted on within the square root of what all pixels' squared values
 /// weigh together; 4 for the prior's part and for rounding.
-const BOUND: f32 = 4.0 * (2 * RADIUS + 1) as f32;
+const BOUND: f64 = 4.0 * (2 * RADIUS + 1) as f64;
+
+/// Part of the largest radiance that a pixel without weight can leave.
+const ROUNDING: f64 = 1e-6;
 
 fuzz_target!(|data: &[u8]| {
     let Some((&[choice, length], rest)) = data.split_first_chunk::<2>() else {
@@ -65,15 +68,22 @@ fn check(tile: &Tile, params: &Params) {
         );
         let own = &tile.pixels[i];
         if own.state == PixelState::Noisy && own.weight > 0.0 {
-            let bound = BOUND * largest_weighted(tile, i) / own.weight.sqrt();
+            // The literal formulas weigh all pixels alike.
+            let weigh = |weight: f32| match params.formulas {
+                Formulas::Robust => f64::from(weight).sqrt(),
+                Formulas::Literal => f64::from(u8::from(weight > 0.0)),
+            };
+            // A fit starts from its centre, whatever that weighs, and leaves rounding of it.
+            let bound = BOUND * largest_weighted(tile, i, weigh) / weigh(own.weight)
+                + ROUNDING * largest_weighted(tile, i, |_| 1.0);
             let worst = pixel.colour.iter().fold(0.0f32, |a, b| a.max(b.abs()));
-            assert!(worst <= bound, "{i}: {worst} beyond {bound}");
+            assert!(f64::from(worst) <= bound, "{i}: {worst} beyond {bound}");
         }
     }
 }
 
 /// The largest radiance times the root of its weight within the reach of the windows that predict a pixel.
-fn largest_weighted(tile: &Tile, i: usize) -> f32 {
+fn largest_weighted(tile: &Tile, i: usize, weigh: impl Fn(f32) -> f64) -> f64 {
     let near = |j: usize| {
         (i % TILE)
             .abs_diff(j % TILE)
@@ -83,7 +93,7 @@ fn largest_weighted(tile: &Tile, i: usize) -> f32 {
     let pixels = tile.pixels.iter().enumerate().filter(|(j, _)| near(*j));
     let weighted = pixels.map(|(_, pixel)| {
         let largest = pixel.colour.iter().fold(0.0f32, |a, b| a.max(b.abs()));
-        largest * pixel.weight.sqrt()
+        f64::from(largest) * weigh(pixel.weight)
     });
-    weighted.fold(0.0, f32::max)
+    weighted.fold(0.0, f64::max)
 }

@@ -110,7 +110,7 @@ impl BlockCodec {
         );
         if !matches!(status, Ok(Status::StreamEnd)) || self.separated.len() != length {
             return Err(exr::error::Error::Invalid(
-                "zlib-compressed data malformed".into(),
+                "ZIP-compressed data malformed".into(),
             ));
         }
         add_differences(&mut self.separated);
