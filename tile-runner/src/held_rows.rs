@@ -151,6 +151,11 @@ impl HeldRows {
         self.colours.next()
     }
 
+    /// The first row whose features are held.
+    pub(crate) fn first(&self) -> usize {
+        self.guides.first()
+    }
+
     pub(crate) fn push(&mut self, input: &InputRow) {
         let layout = &self.layout;
         let colours = self.colours.push(|| ColourRow::new(layout));

@@ -127,7 +127,12 @@ impl Missing {
 fn load(held: &HeldRows, layout: &RowLayout, x: usize, y: usize) -> Box<NoisyBlock> {
     let mut block = Box::new(NoisyBlock::BLACK);
     let size = layout.size;
-    // Rows below the last that is wanted may not be held: any will do whose neighbours are, from which a missing feature is filled.
+    // Rows beyond the halo of those that are wanted may not be held, below the band or mirrored to above it: any will do
+    // whose neighbours are, from which a missing feature is filled.
+    let first = match held.first() {
+        0 => 0,
+        first => first + 1,
+    };
     let last = if held.next() == size.height() {
         size.height() - 1
     } else {
@@ -135,7 +140,7 @@ fn load(held: &HeldRows, layout: &RowLayout, x: usize, y: usize) -> Box<NoisyBlo
     };
     for row in 0..NoisyBlock::HEIGHT {
         let wanted = mirrored((y + row) as isize - NOISE_HALO as isize, size.height());
-        let from_row = wanted.min(last);
+        let from_row = wanted.clamp(first, last);
         let source = held.colours(from_row as isize);
         for column in 0..NoisyBlock::WIDTH {
             let from = mirrored((x + column) as isize - NOISE_HALO as isize, size.width());

@@ -18,6 +18,11 @@ impl<T> RowRing<T> {
         }
     }
 
+    /// The first row held.
+    pub(crate) fn first(&self) -> usize {
+        self.first
+    }
+
     /// The row after the last one held.
     pub(crate) fn next(&self) -> usize {
         self.first + self.rows.len()
