@@ -478,3 +478,21 @@ fn a_channel_may_say_how_many_samples_each_pixel_took() {
         [6.0 / 5.0, 6.0 / 6.0, 6.0 / 7.0, 6.0 / 8.0]
     );
 }
+
+/// Once the component `Z` of the first layer that had one was the depth: with a part per layer that was the depth's variance.
+#[test]
+fn a_depth_beside_the_colour_of_a_part_is_not_its_variance() {
+    let names = [
+        "ZVariance.Z",
+        "beauty.R",
+        "beauty.G",
+        "beauty.B",
+        "beauty.Z",
+    ];
+    let input = auto(vec![image(&names, vec![])]);
+    assert_eq!(played_by(&input, Role::Depth), strings(&["beauty.Z"]));
+    assert_eq!(
+        played_by(&input, Role::DepthVariance),
+        strings(&["ZVariance.Z"])
+    );
+}

@@ -149,7 +149,8 @@ impl<'a> Search<'a> {
         if by_layer.is_some() || components != Components::Scalar {
             return by_layer;
         }
-        // a scalar may also be a component of its own (`Z`, `dd.T`), but not that of a vector (`N.Z`)
+        // a scalar may also be a component of its own (`Z`, `dd.T`), but not that of a vector (`N.Z`) or of a noise (`ZVariance.Z`)
+        layers.retain(|layer| mean_of(role).is_some() || !is_noise(layer));
         layers.iter().find_map(|layer| {
             let inside: Vec<_> = self
                 .names
@@ -253,6 +254,12 @@ fn describe_layer(layer: &str) -> String {
     } else {
         format!("{layer:?}")
     }
+}
+
+/// Whether a layer is called as renderers call their variances.
+fn is_noise(layer: &str) -> bool {
+    let layer = layer.to_ascii_lowercase();
+    ["variance", "mse"].iter().any(|word| layer.contains(word)) || layer.ends_with("_var")
 }
 
 /// The role whose noise a role is.
