@@ -1,4 +1,8 @@
 //! The arithmetic of linpred.
+//!
+//! In the order in which an image goes through it: [`estimate_colour_noise`] and [`estimate_feature_noise`] where the renderer gave
+//! no variances; [`prepare`] and [`prefilter`], block by block; [`denoise_cell`], tile by tile; [`resolve`], pixel by pixel,
+//! once the predictions of all cells that reach it are added up ([`Sum::add`]).
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -28,8 +32,7 @@ pub use noise::{
     NOISE_HALO, NoiseBlock, NoisePlane, NoisyBlock, estimate_colour_noise, estimate_feature_noise,
 };
 pub use normal::{Gram, Moments, NormalEquations, NotFinite, Solution};
-pub use params::Formulas;
-pub use params::{Params, Quality};
+pub use params::{Formulas, Params, Quality};
 pub use prefilter::{FeatureGroup, FeaturePlane, FilteredGroup, PREFILTER_HALO, prefilter};
 pub use prepare::{
     BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane, ColourBlock, ColourPlane, PREPARE_HALO, PreparedBlock,

@@ -17,7 +17,6 @@ use linpred_core::{CELL, HALO, Params, PixelState, resolve, resolve_layer};
 
 use crate::blocks::{BLOCK_HALO, PreparedRows};
 use crate::cells::{Neighbourhood, SumRows, prepared_from};
-
 use crate::dispatch::Level;
 use crate::error::Error;
 use crate::geometry::plane_bytes;
