@@ -1,12 +1,18 @@
 //! From models' predictions to pixels: each prediction is weighted by how well its model does around the pixel.
 
-use crate::feature_space::Terms;
-use crate::fit::{Model, Sample, Samples};
+#![expect(
+    clippy::needless_range_loop,
+    reason = "the loops follow the indices of the formulas"
+)]
+
+use crate::fit::{Coefficients, Models, evaluate, terms};
 use crate::float::sqrt;
+use crate::lanes::lanes_stay_innermost;
 use crate::params::Formulas;
 use crate::tile::{
-    Pixel, PixelState, RADIUS, RINGS, TILE, TILE_AREA, WINDOW_AREA, offset, window_pixels,
+    Pixel, PixelState, RADIUS, RING_STEPS, RINGS, TILE_AREA, WINDOW_AREA, window_pixels,
 };
+use crate::window::{Sample, Windows};
 
 /// Added to a local error, in units of the pixel's variance, before a weight is made of it: an estimate from nine noisy
 /// pixels knows no better (measured: 0.2 to 1 alike).
@@ -91,6 +97,11 @@ impl LayerTile {
         colour: [[0.0; 3]; TILE_AREA],
         sums: [[0.0; 3]; TILE_AREA],
     };
+
+    /// Forgets the sums.
+    pub fn clear(&mut self) {
+        self.sums = [[0.0; 3]; TILE_AREA];
+    }
 }
 
 /// What becomes of a pixel.
@@ -182,86 +193,252 @@ fn reliability(error: f32) -> f32 {
     1.0 / (error * sqrt(error))
 }
 
-/// The predictions of one model, ring after ring, in radiance, and their weights.
-pub(crate) struct Window {
-    colour: [[f32; 3]; WINDOW_AREA],
-    weight: [f32; WINDOW_AREA],
-    error: [f32; WINDOW_AREA],
-    /// Squared distance between prediction and pixel over the pixel's variance, raster order with a margin.
-    distance: [[f32; SIDE]; SIDE],
-    /// 1 where `distance` has a pixel.
-    known: [[f32; SIDE]; SIDE],
+/// Position of each pixel of a window in raster order with a margin of one, ring after ring.
+const RASTER: [usize; WINDOW_AREA] = raster();
+
+const fn raster() -> [usize; WINDOW_AREA] {
+    let mut positions = [0; WINDOW_AREA];
+    let mut i = 0;
+    while i < WINDOW_AREA {
+        let (column, row) = RINGS[i];
+        let centre = RADIUS as isize + 1;
+        positions[i] =
+            ((centre + row as isize) * SIDE as isize + centre + column as isize) as usize;
+        i += 1;
+    }
+    positions
 }
 
-impl Window {
+/// The predictions of the models of `L` windows, ring after ring, and their weights.
+#[repr(C, align(64))]
+pub(crate) struct PredictionWindows<const L: usize> {
+    /// Radiance.
+    colour: [[[f32; L]; 3]; WINDOW_AREA],
+    weight: [[f32; L]; WINDOW_AREA],
+    error: [[f32; L]; WINDOW_AREA],
+    /// Squared distance between prediction and pixel over the pixel's variance, raster order with a margin.
+    distance: [[f32; L]; SIDE * SIDE],
+    /// 1 where `distance` has a pixel.
+    known: [[f32; L]; SIDE * SIDE],
+}
+
+impl<const L: usize> PredictionWindows<L> {
     pub(crate) const EMPTY: Self = Self {
-        colour: [[0.0; 3]; WINDOW_AREA],
-        weight: [0.0; WINDOW_AREA],
-        error: [0.0; WINDOW_AREA],
-        distance: [[0.0; SIDE]; SIDE],
-        known: [[0.0; SIDE]; SIDE],
+        colour: [[[0.0; L]; 3]; WINDOW_AREA],
+        weight: [[0.0; L]; WINDOW_AREA],
+        error: [[0.0; L]; WINDOW_AREA],
+        distance: [[0.0; L]; SIDE * SIDE],
+        known: [[0.0; L]; SIDE * SIDE],
     };
 
-    /// Predicts the model's window and weighs its predictions.
+    /// Predicts the models' windows and weighs the predictions.
     #[inline(always)]
-    pub(crate) fn predict(
+    pub(crate) fn predict<const T: usize, const D: usize>(
         &mut self,
-        model: &Model,
-        terms: &[Terms; WINDOW_AREA],
-        samples: &Samples,
+        models: &Models<T, L>,
+        windows: &Windows<D, L>,
         formulas: Formulas,
     ) {
-        let pixels = window_pixels(model.radius);
-        self.distance = [[0.0; SIDE]; SIDE];
-        self.known = [[0.0; SIDE]; SIDE];
-        for (i, (terms, sample)) in terms.iter().zip(&samples.list).enumerate().take(pixels) {
-            let colour = evaluate(&model.coefficients, terms);
-            self.judge(i, &colour, sample);
-            if let Some(prediction) = self.colour.get_mut(i) {
-                *prediction = colour.map(|v| v / samples.per_radiance);
+        self.distance = [[0.0; L]; SIDE * SIDE];
+        self.known = [[0.0; L]; SIDE * SIDE];
+        let widest = models.radius.iter().fold(0, |a, b| a.max(*b));
+        let pixels = windows.features.iter().zip(&windows.samples);
+        for (i, (features, sample)) in pixels.enumerate().take(window_pixels(widest)) {
+            let terms = terms::<T, D, L>(features);
+            let colour = models
+                .coefficients
+                .each_ref()
+                .map(|channel| evaluate(channel, &terms.0));
+            self.judge(i, &colour, sample, &models.radius);
+            if let Some(predictions) = self.colour.get_mut(i) {
+                for c in 0..3 {
+                    for l in 0..L {
+                        predictions[c][l] = colour[c][l] / windows.per_radiance[l];
+                    }
+                }
             }
+            lanes_stay_innermost();
         }
-        // The fit's own variance is, on average over its window, its terms' share of the noise.
-        let fit_variance = (model.terms as f32 / pixels as f32).min(1.0);
-        let radiance_squared = 1.0 / (samples.per_radiance * samples.per_radiance);
-        for (i, sample) in samples.list.iter().enumerate().take(pixels) {
+        self.weigh(models, windows, formulas, widest);
+    }
+
+    /// Compares a prediction of each model with its pixel.
+    #[inline(always)]
+    fn judge(&mut self, i: usize, colour: &[[f32; L]; 3], sample: &Sample<L>, radius: &[usize; L]) {
+        let (Some(weight), Some(&position)) = (self.weight.get_mut(i), RASTER.get(i)) else {
+            return;
+        };
+        let (Some(distance), Some(known)) = (
+            self.distance.get_mut(position),
+            self.known.get_mut(position),
+        ) else {
+            return;
+        };
+        let mut inside = [0.0; L];
+        for l in 0..L {
+            inside[l] = if i < window_pixels(radius[l]) {
+                1.0
+            } else {
+                0.0
+            };
+        }
+        for l in 0..L {
+            let mut squared = 0.0;
+            for c in 0..3 {
+                let difference = colour[c][l] - sample.colour[c][l];
+                squared += difference * difference;
+            }
+            let disagreement = squared / (DISAGREEMENT * sample.tolerance[l] + f32::MIN_POSITIVE);
+            // Relative to a variance of 0 every error is infinite: a millionth of the squared radiance bounds it.
+            let relative =
+                squared * sample.weight[l] / (sample.variance[l] * sample.weight[l] + 1e-6);
+            let valid = sample.weight[l] > 0.0;
+            let agreement = 1.0 / (1.0 + if valid { disagreement } else { 0.0 });
+            let known_here = if valid { inside[l] } else { 0.0 };
+            weight[l] = agreement;
+            distance[l] = if known_here > 0.0 { relative } else { 0.0 };
+            known[l] = known_here;
+        }
+    }
+
+    /// Weights of the predictions by how well the model does around each, and their estimated errors.
+    #[inline(always)]
+    fn weigh<const T: usize, const D: usize>(
+        &mut self,
+        models: &Models<T, L>,
+        windows: &Windows<D, L>,
+        formulas: Formulas,
+        widest: usize,
+    ) {
+        let mut fit_variance = [0.0; L];
+        let mut per_channel = [0.0; L];
+        for l in 0..L {
+            // The fit's own variance is, on average over its window, its terms' share of the noise.
+            let pixels = window_pixels(models.radius[l]) as f32;
+            fit_variance[l] = (models.terms[l] as f32 / pixels).min(1.0);
+            let per_radiance = windows.per_radiance[l];
+            per_channel[l] = 1.0 / (per_radiance * per_radiance) / 3.0;
+        }
+        for (i, sample) in windows
+            .samples
+            .iter()
+            .enumerate()
+            .take(window_pixels(widest))
+        {
             let bias = self.local_error(i);
             let (Some(weight), Some(error)) = (self.weight.get_mut(i), self.error.get_mut(i))
             else {
                 return;
             };
-            *weight = match formulas {
-                Formulas::Robust => *weight * reliability(bias + ERROR_SOFTENING),
-                Formulas::Literal => 1.0,
-            };
-            *error = (bias + fit_variance) * sample.variance * radiance_squared / 3.0;
+            for l in 0..L {
+                weight[l] = match formulas {
+                    Formulas::Robust => weight[l] * reliability(bias[l] + ERROR_SOFTENING),
+                    Formulas::Literal => 1.0,
+                };
+                error[l] = (bias[l] + fit_variance[l]) * sample.variance[l] * per_channel[l];
+            }
+            lanes_stay_innermost();
         }
     }
 
-    /// Adds the predictions of a layer, with the weights of the beauty's.
+    /// Squared error without the noise, in units of the pixel's variance: the mean over the 3 x 3 pixels around, less 1.
     #[inline(always)]
-    pub(crate) fn add_layer(
+    fn local_error(&self, i: usize) -> [f32; L] {
+        let centre = RASTER.get(i).copied().unwrap_or(0);
+        let (mut sum, mut count) = ([0.0; L], [0.0; L]);
+        for row in 0..3 {
+            let from = (centre + row * SIDE).wrapping_sub(SIDE + 1);
+            for at in from..from + 3 {
+                if let (Some(distance), Some(known)) = (self.distance.get(at), self.known.get(at)) {
+                    for l in 0..L {
+                        sum[l] += distance[l];
+                        count[l] += known[l];
+                    }
+                }
+            }
+        }
+        let mut error = [0.0; L];
+        for l in 0..L {
+            let excess = sum[l] / count[l] - 1.0;
+            // False, too, where there is no pixel to judge by.
+            error[l] = if excess > 0.0 { excess } else { 0.0 };
+        }
+        error
+    }
+
+    /// Adds the predictions of lane `l` to its cell's, around the centre's position in the tile.
+    #[inline(always)]
+    pub(crate) fn add_to<const T: usize>(
         &self,
-        (x, y): (usize, usize),
-        radius: usize,
-        coefficients: &[Terms; 3],
-        terms: &[Terms; WINDOW_AREA],
-        layer: &mut LayerTile,
+        l: usize,
+        centre: usize,
+        models: &Models<T, L>,
+        predictions: &mut Predictions,
     ) {
-        for (i, (terms, &by)) in terms
-            .iter()
-            .zip(&RINGS)
-            .enumerate()
-            .take(window_pixels(radius))
-        {
-            let (px, py) = offset(x, y, by);
-            let (Some(&weight), Some(sum)) =
-                (self.weight.get(i), layer.sums.get_mut(py * TILE + px))
-            else {
+        let (Some(&radius), Some(&terms)) = (models.radius.get(l), models.terms.get(l)) else {
+            return;
+        };
+        let rank = (terms - 1) as f32;
+        let own = self.colour.iter().zip(&self.weight).zip(&self.error);
+        for (((colour, weight), error), &step) in own.zip(&RING_STEPS).take(window_pixels(radius)) {
+            let (Some(sum), Some(&weight), Some(&error)) = (
+                predictions.sums.get_mut(centre.wrapping_add_signed(step)),
+                weight.get(l),
+                error.get(l),
+            ) else {
                 return;
             };
-            for (sum, value) in sum.iter_mut().zip(evaluate(coefficients, terms)) {
-                let added = value * weight;
+            let added = Sum {
+                colour: colour
+                    .each_ref()
+                    .map(|v| v.get(l).copied().unwrap_or(0.0) * weight),
+                weight,
+                error: error * weight,
+                radius: radius as f32 * weight,
+                rank: rank * weight,
+            };
+            if added.colour.iter().all(|v| v.is_finite()) && added.error.is_finite() {
+                sum.add(&added);
+            }
+            lanes_stay_innermost();
+        }
+    }
+
+    /// Predicts a layer by its coefficients; [`add_layer_to`](Self::add_layer_to) has the weights of the beauty's.
+    #[inline(always)]
+    pub(crate) fn predict_layer<const T: usize, const D: usize>(
+        &mut self,
+        coefficients: &Coefficients<T, L>,
+        windows: &Windows<D, L>,
+    ) {
+        for (colour, features) in self.colour.iter_mut().zip(&windows.features) {
+            let terms = terms::<T, D, L>(features);
+            for c in 0..3 {
+                colour[c] = evaluate(&coefficients[c], &terms.0);
+            }
+            lanes_stay_innermost();
+        }
+    }
+
+    /// Adds the predictions of lane `l` to its cell's layer.
+    #[inline(always)]
+    pub(crate) fn add_layer_to(
+        &self,
+        l: usize,
+        centre: usize,
+        radius: usize,
+        layer: &mut LayerTile,
+    ) {
+        let own = self.colour.iter().zip(&self.weight).zip(&RING_STEPS);
+        for ((colour, weight), &step) in own.take(window_pixels(radius)) {
+            let (Some(sum), Some(&weight)) = (
+                layer.sums.get_mut(centre.wrapping_add_signed(step)),
+                weight.get(l),
+            ) else {
+                return;
+            };
+            for (sum, value) in sum.iter_mut().zip(colour) {
+                let added = value.get(l).copied().unwrap_or(0.0) * weight;
                 if added.is_finite() {
                     *sum += added;
                 }
@@ -269,113 +446,8 @@ impl Window {
         }
     }
 
-    /// Compares a prediction with its pixel.
-    #[inline(always)]
-    fn judge(&mut self, i: usize, colour: &[f32; 3], sample: &Sample) {
-        let Some(weight) = self.weight.get_mut(i) else {
-            return;
-        };
-        *weight = 1.0;
-        if sample.weight <= 0.0 {
-            return;
-        }
-        let mut squared = 0.0;
-        for (prediction, y) in colour.iter().zip(&sample.colour) {
-            squared += (prediction - y) * (prediction - y);
-        }
-        *weight = 1.0 / (1.0 + squared / (DISAGREEMENT * sample.tolerance + f32::MIN_POSITIVE));
-        let (column, row) = raster(i);
-        // Relative to a variance of 0 every error is infinite: a millionth of the squared radiance bounds it.
-        let variance = sample.variance + 1e-6 / sample.weight;
-        if let (Some(distance), Some(known)) = (
-            cell_mut(&mut self.distance, column, row),
-            cell_mut(&mut self.known, column, row),
-        ) {
-            *distance = squared / variance;
-            *known = 1.0;
-        }
+    /// Where a layer's radiance waits until [`predict_layer`](Self::predict_layer) overwrites it.
+    pub(crate) fn colours(&mut self) -> &mut [[[f32; L]; 3]; WINDOW_AREA] {
+        &mut self.colour
     }
-
-    /// Squared error without the noise, in units of the pixel's variance: the mean over the 3 x 3 pixels around, less 1.
-    #[inline(always)]
-    fn local_error(&self, i: usize) -> f32 {
-        let (column, row) = raster(i);
-        let (mut sum, mut count) = (0.0, 0.0);
-        for y in row.saturating_sub(1)..=row + 1 {
-            for x in column.saturating_sub(1)..=column + 1 {
-                sum += self
-                    .distance
-                    .get(y)
-                    .and_then(|r| r.get(x))
-                    .copied()
-                    .unwrap_or(0.0);
-                count += self
-                    .known
-                    .get(y)
-                    .and_then(|r| r.get(x))
-                    .copied()
-                    .unwrap_or(0.0);
-            }
-        }
-        if count > 0.0 {
-            (sum / count - 1.0).max(0.0)
-        } else {
-            0.0
-        }
-    }
-
-    /// Adds the predictions to the cell's.
-    #[inline(always)]
-    pub(crate) fn add_to(
-        &self,
-        (x, y): (usize, usize),
-        model: &Model,
-        predictions: &mut Predictions,
-    ) {
-        let rank = (model.terms - 1) as f32;
-        for (i, &by) in RINGS.iter().enumerate().take(window_pixels(model.radius)) {
-            let (px, py) = offset(x, y, by);
-            let (Some(colour), Some(&weight), Some(&error), Some(sum)) = (
-                self.colour.get(i),
-                self.weight.get(i),
-                self.error.get(i),
-                predictions.sums.get_mut(py * TILE + px),
-            ) else {
-                return;
-            };
-            let added = Sum {
-                colour: colour.map(|v| v * weight),
-                weight,
-                error: error * weight,
-                radius: model.radius as f32 * weight,
-                rank: rank * weight,
-            };
-            if added.colour.iter().all(|v| v.is_finite()) && added.error.is_finite() {
-                sum.add(&added);
-            }
-        }
-    }
-}
-
-/// Column and row of the i-th pixel of a window in raster order with a margin of one.
-#[inline(always)]
-fn raster(i: usize) -> (usize, usize) {
-    let by = RINGS.get(i).copied().unwrap_or((0, 0));
-    offset(RADIUS + 1, RADIUS + 1, by)
-}
-
-#[inline(always)]
-fn cell_mut(grid: &mut [[f32; SIDE]; SIDE], column: usize, row: usize) -> Option<&mut f32> {
-    grid.get_mut(row).and_then(|r| r.get_mut(column))
-}
-
-#[inline(always)]
-fn evaluate(coefficients: &[Terms; 3], terms: &Terms) -> [f32; 3] {
-    coefficients.map(|channel| {
-        let mut sum = 0.0;
-        for (b, z) in channel.iter().zip(terms) {
-            sum += b * z;
-        }
-        sum
-    })
 }

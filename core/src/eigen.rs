@@ -9,6 +9,7 @@
 )]
 
 use crate::float::sqrt;
+use crate::lanes::lanes_stay_innermost;
 
 /// Sweeps at most; six are the most seen on windows of real and of adversarial features.
 const SWEEPS: usize = 12;
@@ -29,79 +30,90 @@ impl<const D: usize> SymmetricEigen<D> {
     /// Any finite matrix is decomposed to finite numbers, denormal and huge ones among them (an eigenvalue beyond f32
     /// is given as the largest finite float). Same input, same bits. Cost: about `6 D^3` multiply-adds a sweep, 4 to 6 sweeps.
     pub fn new(matrix: &[[f32; D]; D]) -> Option<Self> {
-        Self::decorrelated(matrix, 0.0)
-    }
-
-    /// Decomposes `matrix` until no two directions correlate by more than `correlation`: the vectors are as orthonormal as
-    /// [`new`](Self::new)'s, the values right to about `correlation^2` of themselves. Half the sweeps, for a basis
-    /// that need only span.
-    #[inline(always)]
-    pub fn decorrelated(matrix: &[[f32; D]; D], correlation: f32) -> Option<Self> {
         const {
             assert!(
                 D <= 16,
                 "written for window features, not for large matrices"
             )
         };
-        let scale = largest_magnitude(matrix)?;
-        let mut rotated = scaled_and_mirrored(matrix, scale);
-        let mut vectors = identity();
-        for _ in 0..SWEEPS {
-            if !sweep(&mut rotated, &mut vectors, correlation * correlation) {
-                break;
-            }
+        let mut rotated = matrix.map(|row| row.map(|v| [v]));
+        let (values, rows, [finite]) = decorrelate(&mut rotated, 0.0);
+        if !finite {
+            return None;
         }
-        let mut values = [0.0; D];
-        for (m, (value, row)) in values.iter_mut().zip(&rotated).enumerate() {
-            *value = row.get(m).map_or(0.0, |v| v * scale);
-            *value = value.clamp(f32::MIN, f32::MAX);
-        }
+        let mut values = values.map(|[v]| v);
+        let mut vectors = rows.map(|row| row.map(|[v]| v));
         sort_falling(&mut values, &mut vectors);
         Some(Self { values, vectors })
     }
 }
 
-/// The largest magnitude of the upper triangle, `None` if something in it is not finite.
+/// `L` matrices side by side: eigenvalues in no order, the eigenvector of each, and whether the matrix was finite.
+///
+/// Ends when no two directions of any matrix correlate by more than `correlation`: the vectors are as orthonormal as
+/// with 0, the values right to about `correlation^2` of themselves, for half the sweeps. A lane whose matrix is there
+/// already is not rotated, so its bits do not depend on the others.
 #[inline(always)]
-fn largest_magnitude<const D: usize>(matrix: &[[f32; D]; D]) -> Option<f32> {
-    let mut largest = 0.0f32;
+pub(crate) fn decorrelate<const D: usize, const L: usize>(
+    matrix: &mut [[[f32; L]; D]; D],
+    correlation: f32,
+) -> ([[f32; L]; D], [[[f32; L]; D]; D], [bool; L]) {
+    let (scale, finite) = scale_and_mirror(matrix);
+    let mut vectors = [[[0.0; L]; D]; D];
+    for i in 0..D {
+        vectors[i][i] = [1.0; L];
+    }
+    for _ in 0..SWEEPS {
+        if !sweep(matrix, &mut vectors, correlation * correlation) {
+            break;
+        }
+    }
+    let mut values = [[0.0; L]; D];
+    for i in 0..D {
+        for l in 0..L {
+            values[i][l] = (matrix[i][i][l] * scale[l]).clamp(f32::MIN, f32::MAX);
+        }
+        lanes_stay_innermost();
+    }
+    (values, vectors, finite)
+}
+
+/// Brings each matrix into [-1, 1], so that no product in a rotation overflows and thresholds are relative; its scale, and whether
+/// it was finite (one that was not becomes 0).
+#[inline(always)]
+fn scale_and_mirror<const D: usize, const L: usize>(
+    matrix: &mut [[[f32; L]; D]; D],
+) -> ([f32; L], [bool; L]) {
+    let mut scale = [0.0f32; L];
+    let mut finite = [true; L];
     for i in 0..D {
         for j in i..D {
-            let magnitude = matrix[i][j].abs();
-            if !magnitude.is_finite() {
-                return None;
-            }
-            largest = largest.max(magnitude);
-        }
-    }
-    Some(largest)
-}
-
-/// The matrix in [-1, 1], so that no product in a rotation overflows and thresholds are relative.
-#[inline(always)]
-fn scaled_and_mirrored<const D: usize>(matrix: &[[f32; D]; D], scale: f32) -> [[f32; D]; D] {
-    let mut scaled = [[0.0; D]; D];
-    if scale > 0.0 {
-        for i in 0..D {
-            for j in i..D {
-                let value = matrix[i][j] / scale;
-                scaled[i][j] = value;
-                scaled[j][i] = value;
+            for l in 0..L {
+                let magnitude = matrix[i][j][l].abs();
+                finite[l] &= magnitude.is_finite();
+                scale[l] = if magnitude > scale[l] {
+                    magnitude
+                } else {
+                    scale[l]
+                };
             }
         }
     }
-    scaled
-}
-
-#[inline(always)]
-fn identity<const D: usize>() -> [[f32; D]; D] {
-    let mut identity = [[0.0; D]; D];
-    for (i, row) in identity.iter_mut().enumerate() {
-        if let Some(unit) = row.get_mut(i) {
-            *unit = 1.0;
+    for i in 0..D {
+        for j in i..D {
+            for l in 0..L {
+                let usable = finite[l] && scale[l] > 0.0;
+                let value = if usable {
+                    matrix[i][j][l] / scale[l]
+                } else {
+                    0.0
+                };
+                matrix[i][j][l] = value;
+                matrix[j][i][l] = value;
+            }
         }
     }
-    identity
+    (scale, finite)
 }
 
 /// Rotates every off-diagonal element away once, in a fixed order; whether any was worth it.
@@ -109,18 +121,24 @@ fn identity<const D: usize>() -> [[f32; D]; D] {
 /// An element below a sixteenth of a unit in the last place of the largest is left: a row of them moves an eigenvalue by less
 /// than rounding does. So is one whose square is below `negligible` times the product of its diagonal elements.
 #[inline(always)]
-fn sweep<const D: usize>(
-    matrix: &mut [[f32; D]; D],
-    vectors: &mut [[f32; D]; D],
+fn sweep<const D: usize, const L: usize>(
+    matrix: &mut [[[f32; L]; D]; D],
+    vectors: &mut [[[f32; L]; D]; D],
     negligible: f32,
 ) -> bool {
     let mut rotated = false;
     for p in 0..D {
         for q in p + 1..D {
-            let element = matrix[p][q];
-            let bound = negligible * matrix[p][p] * matrix[q][q];
-            if element.abs() > f32::EPSILON / 16.0 && element * element > bound {
-                rotate(matrix, vectors, p, q);
+            let mut worth = [false; L];
+            let mut any = false;
+            for l in 0..L {
+                let element = matrix[p][q][l];
+                let bound = negligible * matrix[p][p][l] * matrix[q][q][l];
+                worth[l] = (element.abs() > f32::EPSILON / 16.0) & (element * element > bound);
+                any |= worth[l];
+            }
+            if any {
+                rotate(matrix, vectors, p, q, &worth);
                 rotated = true;
             }
         }
@@ -128,40 +146,61 @@ fn sweep<const D: usize>(
     rotated
 }
 
-/// One Jacobi rotation in the plane (p, q) (Golub and Van Loan, Matrix Computations, section 8.5.2).
+/// One Jacobi rotation in the plane (p, q) (Golub and Van Loan, Matrix Computations, section 8.5.2), by an angle of 0 in
+/// the lanes for which it is not worth it.
 #[inline(always)]
-fn rotate<const D: usize>(
-    matrix: &mut [[f32; D]; D],
-    vectors: &mut [[f32; D]; D],
+fn rotate<const D: usize, const L: usize>(
+    matrix: &mut [[[f32; L]; D]; D],
+    vectors: &mut [[[f32; L]; D]; D],
     p: usize,
     q: usize,
+    worth: &[bool; L],
 ) {
-    let element = matrix[p][q];
-    let theta = (matrix[q][q] - matrix[p][p]) / (2.0 * element);
-    let magnitude = 1.0 / (theta.abs() + sqrt(theta * theta + 1.0));
-    let tangent = if theta < 0.0 { -magnitude } else { magnitude };
-    let cosine = 1.0 / sqrt(tangent * tangent + 1.0);
-    let sine = tangent * cosine;
-    let (pp, qq) = (matrix[p][p], matrix[q][q]);
-    mix_rows(matrix, p, q, cosine, sine);
-    mix_rows(vectors, p, q, cosine, sine);
-    matrix[p][p] = pp - tangent * element;
-    matrix[q][q] = qq + tangent * element;
-    matrix[p][q] = 0.0;
-    matrix[q][p] = 0.0;
+    let (pp, qq, element) = (matrix[p][p], matrix[q][q], matrix[p][q]);
+    let mut tangent = [0.0; L];
+    let mut cosine = [1.0; L];
+    let mut sine = [0.0; L];
+    for l in 0..L {
+        let element = if worth[l] { element[l] } else { 1.0 };
+        let theta = (qq[l] - pp[l]) / (2.0 * element);
+        let magnitude = 1.0 / (theta.abs() + sqrt(theta * theta + 1.0));
+        let signed = if theta < 0.0 { -magnitude } else { magnitude };
+        tangent[l] = if worth[l] { signed } else { 0.0 };
+        cosine[l] = 1.0 / sqrt(tangent[l] * tangent[l] + 1.0);
+        sine[l] = tangent[l] * cosine[l];
+    }
+    mix_rows(matrix, p, q, &cosine, &sine);
+    mix_rows(vectors, p, q, &cosine, &sine);
+    for l in 0..L {
+        matrix[p][p][l] = pp[l] - tangent[l] * element[l];
+        matrix[q][q][l] = qq[l] + tangent[l] * element[l];
+        let left = if worth[l] { 0.0 } else { element[l] };
+        matrix[p][q][l] = left;
+        matrix[q][p][l] = left;
+    }
     for k in 0..D {
         matrix[k][p] = matrix[p][k];
         matrix[k][q] = matrix[q][k];
+        lanes_stay_innermost();
     }
 }
 
 /// Row p becomes `cosine p - sine q`, row q becomes `sine p + cosine q`.
-#[inline]
-fn mix_rows<const D: usize>(rows: &mut [[f32; D]; D], p: usize, q: usize, cosine: f32, sine: f32) {
-    let (row_p, row_q) = (rows[p], rows[q]);
+#[inline(always)]
+fn mix_rows<const D: usize, const L: usize>(
+    rows: &mut [[[f32; L]; D]; D],
+    p: usize,
+    q: usize,
+    cosine: &[f32; L],
+    sine: &[f32; L],
+) {
     for k in 0..D {
-        rows[p][k] = cosine * row_p[k] - sine * row_q[k];
-        rows[q][k] = sine * row_p[k] + cosine * row_q[k];
+        let (at_p, at_q) = (rows[p][k], rows[q][k]);
+        for l in 0..L {
+            rows[p][k][l] = cosine[l] * at_p[l] - sine[l] * at_q[l];
+            rows[q][k][l] = sine[l] * at_p[l] + cosine[l] * at_q[l];
+        }
+        lanes_stay_innermost();
     }
 }
 

@@ -1,17 +1,23 @@
 //! Local feature space of a window by truncated singular value decomposition (WLR section 4; LPR section 7).
 //!
-//! Each feature is mapped from its range in the window to [-1, 1] (WLR section 7). With Z the window's mapped features
+//! Each feature is mapped to a unit in which its range in the window is 2 long (WLR section 7), with 0 at the centre. With Z the window's mapped features
 //! minus their mean and E their standard deviations, Weyl's inequality bounds what noise can do to a singular value:
 //! `|s_m(true) - s_m(Z)| <= ||E||`. Directions below `tau = C ||E||` are noise and dropped; the others, `V_k`,
 //! turn a pixel's features into its local ones, `z = V_k^T (x - x_c)`.
+//!
+//! A pixel that no fit reads is predicted as if its features were within the range of those that are read: a line is
+//! not drawn beyond what it was fitted to.
 
 #![expect(
     clippy::needless_range_loop,
     reason = "the loops follow the indices of the formulas"
 )]
 
-use crate::eigen::SymmetricEigen;
-use crate::tile::{Pixel, RINGS, Tile, WINDOW_AREA, offset};
+use crate::eigen::decorrelate;
+use crate::equations::Aligned;
+use crate::lanes::lanes_stay_innermost;
+use crate::tile::WINDOW_AREA;
+use crate::window::{Extent, Windows};
 
 /// A feature that moves less than this part of its magnitude in the window is constant.
 const CONSTANT: f32 = 1e-5;
@@ -25,154 +31,193 @@ const CORRELATION: f32 = 0.05;
 /// Terms of the largest model: an intercept and 15 local features.
 pub const MAX_TERMS: usize = 16;
 
-/// Terms of one pixel: 1, then its local features; what is beyond the rank is 0.
-pub(crate) type Terms = [f32; MAX_TERMS];
+/// The kept directions of each window's features, in the unit of [`to_range`].
+#[repr(C, align(64))]
+pub(crate) struct Basis<const D: usize, const L: usize> {
+    /// By direction, strongest first, then by feature; 0 beyond the rank.
+    pub(crate) axes: [[[f32; L]; D]; D],
+    /// Directions kept.
+    pub(crate) rank: [usize; L],
+}
 
-/// Writes the terms of the window around (x, y), ring after ring, and returns how many there are, 1 to D + 1.
+impl<const D: usize, const L: usize> Basis<D, L> {
+    pub(crate) const NONE: Self = Self {
+        axes: [[[0.0; L]; D]; D],
+        rank: [0; L],
+    };
+}
+
+/// Replaces the windows' features by those in the unit of their range, and finds the directions to keep.
 ///
-/// `norm_factor` is C. A window without a valid pixel has one term.
+/// `variances` are the sums of the features' over the windows, `norm_factor` is C. A window without a valid pixel has
+/// rank 0.
 #[inline(always)]
-pub(crate) fn local_features<const D: usize>(
-    tile: &Tile<D>,
-    (x, y): (usize, usize),
+pub(crate) fn find_basis<const D: usize, const L: usize>(
+    windows: &mut Windows<D, L>,
+    extent: &Extent<D, L>,
+    variances: &[[f32; L]; D],
     norm_factor: f32,
-    terms: &mut [Terms; WINDOW_AREA],
-) -> usize {
+    basis: &mut Basis<D, L>,
+) {
     const {
         assert!(
             D < MAX_TERMS,
             "a term for each feature, and one for the intercept"
         )
     };
-    let range = Range::of_window(tile, x, y);
-    let basis = range.basis(tile, x, y, norm_factor);
-    let centre = tile.pixel(x, y);
-    for (terms, &by) in terms.iter_mut().zip(&RINGS) {
-        let (px, py) = offset(x, y, by);
-        *terms = basis.project(tile.pixel(px, py), centre);
+    let scale = scales(extent);
+    let mut gramian = to_range(windows, extent, &scale);
+    let mut noise = [0.0; L];
+    for j in 0..D {
+        for l in 0..L {
+            noise[l] += variances[j][l] * scale[j][l] * scale[j][l];
+        }
     }
-    basis.rank + 1
+    let (values, vectors, finite) = decorrelate(&mut gramian, CORRELATION);
+    basis.axes = [[[0.0; L]; D]; D];
+    for l in 0..L {
+        let threshold = norm_factor * norm_factor * noise[l];
+        basis.rank[l] = 0;
+        if finite[l] {
+            keep_strongest(&values, &vectors, threshold, l, basis);
+        }
+    }
 }
 
-/// Where a window's features lie, over its valid pixels.
-struct Range<const D: usize> {
-    pixels: f32,
-    /// 2 / (max - min), 0 for a constant feature.
-    scale: [f32; D],
-    mean: [f32; D],
-    /// Sum of the features' variances.
-    noise: [f32; D],
+/// 2 / (high - low) of each feature, 0 for a constant one.
+#[inline(always)]
+fn scales<const D: usize, const L: usize>(extent: &Extent<D, L>) -> [[f32; L]; D] {
+    let mut scale = [[0.0; L]; D];
+    for j in 0..D {
+        for l in 0..L {
+            let (low, high) = (extent.low[j][l], extent.high[j][l]);
+            let range = high - low;
+            let floor = CONSTANT * (high.abs() + low.abs());
+            let moves = range > floor && range > f32::MIN_POSITIVE && range.is_finite();
+            scale[j][l] = if moves { 2.0 / range } else { 0.0 };
+        }
+        lanes_stay_innermost();
+    }
+    scale
 }
 
-impl<const D: usize> Range<D> {
-    #[inline(always)]
-    fn of_window(tile: &Tile<D>, x: usize, y: usize) -> Self {
-        let origin = tile.pixel(x, y).features;
-        let mut low = [f32::MAX; D];
-        let mut high = [f32::MIN; D];
-        let mut range = Self {
-            pixels: 0.0,
-            scale: [0.0; D],
-            mean: [0.0; D],
-            noise: [0.0; D],
+/// Maps the features, and sums the upper triangle of Z^T Z over the valid pixels: its eigenvalues are the squared
+/// singular values, its eigenvectors are V.
+#[inline(always)]
+fn to_range<const D: usize, const L: usize>(
+    windows: &mut Windows<D, L>,
+    extent: &Extent<D, L>,
+    scale: &[[f32; L]; D],
+) -> [[[f32; L]; D]; D] {
+    let [first, ..] = &windows.features;
+    let mut origin = *first;
+    for j in 0..D {
+        for l in 0..L {
+            origin[j][l] = within(origin[j][l], extent.low[j][l], extent.high[j][l]);
+        }
+        lanes_stay_innermost();
+    }
+    let mut sums = Aligned([[[0.0; L]; D]; D]);
+    let mut totals = Aligned([[0.0; L]; D]);
+    let features = windows.features.chunks_exact_mut(CHUNK);
+    for (features, samples) in features.zip(windows.samples.chunks_exact(CHUNK)) {
+        let (Some(features), Some(samples)) = (
+            features.first_chunk_mut::<CHUNK>(),
+            samples.first_chunk::<CHUNK>(),
+        ) else {
+            break;
         };
-        for &by in &RINGS {
-            let (px, py) = offset(x, y, by);
-            let pixel = tile.pixel(px, py);
-            if pixel.weight > 0.0 {
-                range.pixels += 1.0;
-                for j in 0..D {
-                    let value = pixel.features[j];
-                    low[j] = if value < low[j] { value } else { low[j] };
-                    high[j] = if value > high[j] { value } else { high[j] };
-                    // Relative to the centre, so that a large offset does not drown small differences.
-                    range.mean[j] += value - origin[j];
-                    range.noise[j] += pixel.feature_variance[j];
+        let mut rows = Aligned([[[0.0; L]; D]; CHUNK]);
+        for p in 0..CHUNK {
+            for j in 0..D {
+                for l in 0..L {
+                    let inside = within(features[p][j][l], extent.low[j][l], extent.high[j][l]);
+                    let mapped = (inside - origin[j][l]) * scale[j][l];
+                    features[p][j][l] = mapped;
+                    rows.0[p][j][l] = if samples[p].weight[l] > 0.0 {
+                        mapped
+                    } else {
+                        0.0
+                    };
                 }
+                lanes_stay_innermost();
             }
         }
-        let share = 1.0 / range.pixels.max(1.0);
         for j in 0..D {
-            range.mean[j] = origin[j] + range.mean[j] * share;
-            let extent = high[j] - low[j];
-            let floor = CONSTANT * (high[j].abs() + low[j].abs());
-            if extent > floor && extent > f32::MIN_POSITIVE && extent.is_finite() {
-                range.scale[j] = 2.0 / extent;
-            }
-        }
-        range
-    }
-
-    #[inline(always)]
-    fn basis(&self, tile: &Tile<D>, x: usize, y: usize, norm_factor: f32) -> Basis<D> {
-        let mut basis = Basis {
-            axes: [[0.0; MAX_TERMS]; D],
-            rank: 0,
-        };
-        let Some(eigen) = SymmetricEigen::decorrelated(&self.gramian(tile, x, y), CORRELATION)
-        else {
-            return basis;
-        };
-        let mut noise = 0.0;
-        for j in 0..D {
-            noise += self.noise[j] * self.scale[j] * self.scale[j];
-        }
-        let largest = eigen.values.first().copied().unwrap_or(0.0);
-        let threshold = (norm_factor * norm_factor * noise).max(ROUNDING * ROUNDING * largest);
-        for (value, vector) in eigen.values.iter().zip(&eigen.vectors) {
-            if *value > threshold && *value > 0.0 {
-                for j in 0..D {
-                    // Term 0 is the intercept.
-                    if let Some(axis) = basis.axes[j].get_mut(basis.rank + 1) {
-                        *axis = vector[j] * self.scale[j];
+            let (mut row, mut total) = (sums.0[j], totals.0[j]);
+            for p in 0..CHUNK {
+                for k in j..D {
+                    for l in 0..L {
+                        row[k][l] += rows.0[p][j][l] * rows.0[p][k][l];
                     }
+                    lanes_stay_innermost();
                 }
-                basis.rank += 1;
+                for l in 0..L {
+                    total[l] += rows.0[p][j][l];
+                }
             }
+            (sums.0[j], totals.0[j]) = (row, total);
+            lanes_stay_innermost();
         }
-        basis
     }
+    for j in 0..D {
+        for k in j..D {
+            for l in 0..L {
+                // 0 / 0 in a window without pixels, which has no sums either.
+                let mean = if extent.pixels[l] > 0.0 {
+                    totals.0[j][l] / extent.pixels[l]
+                } else {
+                    0.0
+                };
+                sums.0[j][k][l] -= mean * totals.0[k][l];
+            }
+            lanes_stay_innermost();
+        }
+    }
+    sums.0
+}
 
-    /// The upper triangle of Z^T Z: its eigenvalues are the squared singular values, its eigenvectors are V.
-    #[inline(always)]
-    fn gramian(&self, tile: &Tile<D>, x: usize, y: usize) -> [[f32; D]; D] {
-        let mut gramian = [[0.0; D]; D];
-        for &by in &RINGS {
-            let (px, py) = offset(x, y, by);
-            let pixel = tile.pixel(px, py);
-            if pixel.weight > 0.0 {
-                let mut row = [0.0; D];
+/// Pixels that are mapped at a time: a row of sums stays in registers over them.
+const CHUNK: usize = 19;
+const _: () = assert!(WINDOW_AREA % CHUNK == 0);
+
+/// `value`, or the nearest of low..=high; 0 if there is no such range.
+#[inline(always)]
+fn within(value: f32, low: f32, high: f32) -> f32 {
+    let above = if value > low { value } else { low };
+    let inside = if above < high { above } else { high };
+    if low <= high { inside } else { 0.0 }
+}
+
+/// Directions of lane `l` whose eigenvalue is above the threshold, strongest first.
+#[inline(always)]
+fn keep_strongest<const D: usize, const L: usize>(
+    values: &[[f32; L]; D],
+    vectors: &[[[f32; L]; D]; D],
+    threshold: f32,
+    l: usize,
+    basis: &mut Basis<D, L>,
+) {
+    let mut largest = 0.0f32;
+    for m in 0..D {
+        largest = largest.max(values[m][l]);
+    }
+    let threshold = threshold.max(ROUNDING * ROUNDING * largest);
+    for m in 0..D {
+        let value = values[m][l];
+        if value > threshold && value > 0.0 {
+            // Its place among those kept; of equal ones the first comes first.
+            let mut place = 0;
+            for n in 0..D {
+                let stronger = values[n][l] > value || (values[n][l] == value && n < m);
+                place += usize::from(stronger);
+            }
+            if let Some(axis) = basis.axes.get_mut(place) {
                 for j in 0..D {
-                    row[j] = (pixel.features[j] - self.mean[j]) * self.scale[j];
-                }
-                for i in 0..D {
-                    for j in i..D {
-                        gramian[i][j] += row[i] * row[j];
-                    }
+                    axis[j][l] = vectors[m][j][l];
                 }
             }
+            basis.rank[l] += 1;
         }
-        gramian
-    }
-}
-
-/// V_k with the mapping to [-1, 1] folded in: one row per feature, one column per term.
-struct Basis<const D: usize> {
-    axes: [Terms; D],
-    rank: usize,
-}
-
-impl<const D: usize> Basis<D> {
-    #[inline(always)]
-    fn project(&self, pixel: &Pixel<D>, centre: &Pixel<D>) -> Terms {
-        let mut terms = [0.0; MAX_TERMS];
-        for j in 0..D {
-            let distance = pixel.features[j] - centre.features[j];
-            for (term, axis) in terms.iter_mut().zip(&self.axes[j]) {
-                *term += distance * axis;
-            }
-        }
-        terms[0] = 1.0;
-        terms
     }
 }

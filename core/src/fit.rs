@@ -9,12 +9,19 @@
 //!   ring tests the model fitted before it (LPR Eq. 5).
 //! - No risk is below 0.3 of the fit's own variance, or the luckiest of ten noisy estimates wins.
 
-use crate::feature_space::{MAX_TERMS, Terms};
-use crate::float::sqrt;
-use crate::normal::{Gram, Moments, NormalEquations, Solution};
+#![expect(
+    clippy::needless_range_loop,
+    reason = "the loops follow the indices of the formulas"
+)]
+
+use crate::equations::{Aligned, Equations, Factor, about, add_to_moments};
+use crate::feature_space::Basis;
+use crate::float::saturate;
+use crate::lanes::lanes_stay_innermost;
 use crate::params::Params;
-use crate::prior::Prior;
-use crate::tile::{RADIUS, RINGS, Tile, WINDOW_AREA, offset, window_pixels};
+use crate::prior::CHANNELS;
+use crate::tile::{RADIUS, WINDOW_AREA, window_pixels};
+use crate::window::{Sample, Windows};
 
 /// No risk is below this part of the fit's own variance (measured: 0.3 to 0.6 alike; without, gloss suffers).
 const RISK_FLOOR: f32 = 0.3;
@@ -22,282 +29,405 @@ const RISK_FLOOR: f32 = 0.3;
 /// From this radius on the ring tests the model; below, Stein's estimate does (measured: 3; method of LPR: 2).
 const FIRST_TEST_RING: usize = 3;
 
-/// A pixel of a window, in the window's unit of radiance.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Sample {
-    pub(crate) colour: [f32; 3],
-    /// 0 to 1; 0 keeps it out.
-    pub(crate) weight: f32,
-    /// Variance of the mean, summed over the channels.
-    pub(crate) variance: f32,
-    /// Squared distance at which a prediction disagrees.
-    pub(crate) tolerance: f32,
-}
+/// Coefficients of each channel, in the window's unit of radiance; 0 beyond a lane's terms.
+pub(crate) type Coefficients<const T: usize, const L: usize> = [[[f32; L]; T]; CHANNELS];
 
-/// The samples of a window, ring after ring, and their unit.
-pub(crate) struct Samples {
-    pub(crate) list: [Sample; WINDOW_AREA],
-    /// Radiance of 1 in the samples' unit.
-    pub(crate) per_radiance: f32,
-}
-
-impl Samples {
-    pub(crate) const EMPTY: Self = Self {
-        list: [Sample {
-            colour: [0.0; 3],
-            weight: 0.0,
-            variance: 0.0,
-            tolerance: 0.0,
-        }; WINDOW_AREA],
-        per_radiance: 1.0,
-    };
-
-    /// Reads the window around (x, y); false if it has no valid pixel.
-    #[inline(always)]
-    pub(crate) fn read<const D: usize>(&mut self, tile: &Tile<D>, (x, y): (usize, usize)) -> bool {
-        let mut largest = 0.0f32;
-        for &by in &RINGS {
-            let (px, py) = offset(x, y, by);
-            largest = largest.max(tile.pixel(px, py).weight);
-        }
-        if !(largest > 0.0 && largest.is_finite()) {
-            return false;
-        }
-        self.per_radiance = sqrt(largest);
-        for (sample, &by) in self.list.iter_mut().zip(&RINGS) {
-            let (px, py) = offset(x, y, by);
-            let pixel = tile.pixel(px, py);
-            *sample = Sample {
-                colour: pixel.colour.map(|v| v * self.per_radiance),
-                weight: pixel.weight / largest,
-                variance: pixel.variance * largest,
-                tolerance: pixel.tolerance * largest,
-            };
-        }
-        true
-    }
-}
-
-/// A fitted model and how far it predicts, in the window's unit of radiance.
+/// Fitted models and how far they predict, in the windows' units of radiance.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Model {
-    /// Half-width of its prediction window.
-    pub(crate) radius: usize,
+#[repr(C, align(64))]
+pub(crate) struct Models<const T: usize, const L: usize> {
+    pub(crate) coefficients: Coefficients<T, L>,
+    /// Estimated mean squared error over the prediction window, by which the radius was chosen.
+    pub(crate) risk: [f32; L],
+    /// Half-width of the prediction window.
+    pub(crate) radius: [usize; L],
     /// Terms of the fit: rank + 1.
-    pub(crate) terms: usize,
-    /// Coefficients per channel; 0 beyond the terms.
-    pub(crate) coefficients: [Terms; 3],
-    /// Estimated mean squared error over its prediction window, by which its radius was chosen.
-    pub(crate) risk: f32,
+    pub(crate) terms: [usize; L],
 }
 
-/// A model, and what it takes to fit more channels in its way.
-pub(crate) struct Fitted<const T: usize> {
-    pub(crate) model: Model,
-    /// Sums and factor at the model's radius; `None` at r = 0.
-    system: Option<(Gram<T>, Solution<T>)>,
-}
-
-impl<const T: usize> Fitted<T> {
-    /// The coefficients of a layer's channels: same window, same weights, same strengths.
+impl<const T: usize, const L: usize> Models<T, L> {
+    /// The centres themselves, as models of r = 0: their risk is their variance (LPR section 4.2).
     #[inline(always)]
-    pub(crate) fn follow(
-        &self,
-        terms: &[Terms; WINDOW_AREA],
-        samples: &[Sample; WINDOW_AREA],
-        layer: &[[f32; 3]; WINDOW_AREA],
-    ) -> [Terms; 3] {
-        let [centre, ..] = layer;
-        let start = Prior::<T>::at_centre(centre, 0.0, 0.0).coefficients;
-        let Some((gram, solution)) = &self.system else {
-            return padded(&start);
-        };
-        let mut moments = Moments::new();
-        for ((terms, sample), layer) in terms
-            .iter()
-            .zip(samples)
-            .zip(layer)
-            .take(window_pixels(self.model.radius))
-        {
-            if let Some(terms) = terms.first_chunk::<T>() {
-                moments.add(terms, layer, sample.weight);
+    pub(crate) fn of_centres(centre: &Sample<L>) -> Self {
+        let mut risk = [f32::MAX; L];
+        for l in 0..L {
+            if centre.weight[l] > 0.0 {
+                risk[l] = centre.variance[l];
             }
         }
-        padded(&solution.follow(gram, &moments, &start).unwrap_or(start))
-    }
-}
-
-/// Fits the window's samples on the first `T` of its terms.
-#[inline(always)]
-pub(crate) fn fit<const T: usize>(
-    terms: &[Terms; WINDOW_AREA],
-    samples: &[Sample; WINDOW_AREA],
-    params: &Params,
-) -> Fitted<T> {
-    let mut growth = Growth::<T>::new(samples);
-    for radius in 1..=RADIUS {
-        growth.grow(radius, terms, samples, params);
-    }
-    growth.best
-}
-
-/// A model while its window grows.
-struct Growth<const T: usize> {
-    sums: NormalEquations<T>,
-    previous: [[f32; T]; 3],
-    pixels: f32,
-    weights: f32,
-    /// Sum of weight times variance.
-    noise: f32,
-    /// Accumulated risk, xi_acc of LPR Eq. 4, without the noise.
-    risk: f32,
-    best: Fitted<T>,
-}
-
-impl<const T: usize> Growth<T> {
-    #[inline(always)]
-    fn new(samples: &[Sample; WINDOW_AREA]) -> Self {
-        let [centre, ..] = samples;
-        let mut growth = Self {
-            sums: NormalEquations::new(),
-            previous: [[0.0; T]; 3],
-            pixels: 0.0,
-            weights: 0.0,
-            noise: 0.0,
-            risk: 0.0,
-            best: Fitted {
-                model: constant_model(centre),
-                system: None,
-            },
-        };
-        let mut first = [0.0; T];
-        if let Some(one) = first.first_mut() {
-            *one = 1.0;
+        Self {
+            coefficients: constant(&centre.colour),
+            risk,
+            radius: [0; L],
+            terms: [1; L],
         }
-        growth.add(&first, centre);
+    }
+}
+
+/// What it takes to fit more channels in the way of the models.
+#[repr(C, align(64))]
+pub(crate) struct Systems<const T: usize, const L: usize> {
+    gram: [[[f64; L]; T]; T],
+    factor: Factor<T, L>,
+}
+
+impl<const T: usize, const L: usize> Systems<T, L> {
+    const NONE: Self = Self {
+        gram: [[[0.0; L]; T]; T],
+        factor: Factor::ZERO,
+    };
+
+    #[inline(always)]
+    fn keep(&mut self, lane: usize, gram: &[[[f64; L]; T]; T], factor: &Factor<T, L>) {
+        for i in 0..T {
+            for j in 0..T {
+                self.gram[i][j][lane] = gram[i][j][lane];
+                self.factor.lower[i][j][lane] = factor.lower[i][j][lane];
+            }
+            self.factor.inverse[i][lane] = factor.inverse[i][lane];
+        }
+    }
+
+    /// The coefficients of a layer's channels: same windows, same weights, same strengths.
+    #[inline(always)]
+    pub(crate) fn follow<const D: usize>(
+        &self,
+        windows: &Windows<D, L>,
+        radius: &[usize; L],
+        layer: &[[[f32; L]; 3]; WINDOW_AREA],
+    ) -> Coefficients<T, L> {
+        let [centre, ..] = layer;
+        let mut moments = [[[0.0; L]; T]; CHANNELS];
+        let pixels = windows.features.iter().zip(&windows.samples).zip(layer);
+        for (i, ((features, sample), colour)) in pixels.enumerate() {
+            let mut weight = sample.weight;
+            for l in 0..L {
+                if radius[l] == 0 || i >= window_pixels(radius[l]) {
+                    weight[l] = 0.0;
+                }
+            }
+            let terms = terms::<T, D, L>(features);
+            add_to_moments(&mut moments, &[terms.0], &[*colour], &[weight]);
+            lanes_stay_innermost();
+        }
+        let change = about(&self.gram, &moments, centre);
+        minimiser(&self.factor, change, centre).0
+    }
+}
+
+/// The regressors of a pixel, from its local features.
+#[inline(always)]
+pub(crate) fn terms<const T: usize, const D: usize, const L: usize>(
+    features: &[[f32; L]; D],
+) -> Aligned<[[f32; L]; T]> {
+    let mut terms = Aligned([[0.0; L]; T]);
+    terms.0[0] = [1.0; L];
+    for t in 1..T {
+        if let Some(feature) = features.get(t - 1) {
+            terms.0[t] = *feature;
+        }
+    }
+    terms
+}
+
+/// Fits each window on the first `T` of its terms, and leaves the local features in the windows. The systems are there
+/// if `keep_systems`.
+#[inline(always)]
+pub(crate) fn fit<const T: usize, const D: usize, const L: usize>(
+    windows: &mut Windows<D, L>,
+    basis: &Basis<D, L>,
+    params: &Params,
+    keep_systems: bool,
+) -> (Models<T, L>, Systems<T, L>) {
+    let [centre, ..] = &windows.samples;
+    let mut growth = Growth::<T, L>::new(centre, basis.rank, keep_systems);
+    let (centre, rings) = windows.features.split_at_mut(1);
+    let (own, samples) = windows.samples.split_at(1);
+    if let (Some(features), Some(samples)) = (centre.first_chunk_mut(), own.first_chunk()) {
+        growth.take_in::<1, D>(0, features, samples, basis);
+    }
+    // A ring is 8 r pixels: r chunks.
+    let chunks = rings
+        .chunks_exact_mut(CHUNK)
+        .zip(samples.chunks_exact(CHUNK));
+    let mut chunks = chunks.filter_map(|(rings, samples)| {
+        Some((
+            rings.first_chunk_mut::<CHUNK>()?,
+            samples.first_chunk::<CHUNK>()?,
+        ))
+    });
+    for radius in 1..=RADIUS {
+        for (features, samples) in chunks.by_ref().take(radius) {
+            growth.take_in::<CHUNK, D>(radius, features, samples, basis);
+            lanes_stay_innermost();
+        }
+        growth.choose(radius, params);
+    }
+    (growth.best, growth.systems)
+}
+
+/// Pixels that are taken in at a time.
+const CHUNK: usize = 8;
+
+/// Replaces the features of all pixels by local ones, where no fit does.
+#[inline(always)]
+pub(crate) fn project_all<const T: usize, const D: usize, const L: usize>(
+    windows: &mut Windows<D, L>,
+    basis: &Basis<D, L>,
+) {
+    for features in &mut windows.features {
+        project::<T, D, L>(features, basis);
+        lanes_stay_innermost();
+    }
+}
+
+/// Replaces a pixel's features by the local ones that `T` terms need.
+#[inline(always)]
+fn project<const T: usize, const D: usize, const L: usize>(
+    features: &mut [[f32; L]; D],
+    basis: &Basis<D, L>,
+) {
+    let mut local = Aligned([[0.0; L]; D]);
+    for k in 0..(T - 1).min(D) {
+        let mut sum = [0.0; L];
+        for j in 0..D {
+            for l in 0..L {
+                sum[l] += features[j][l] * basis.axes[k][j][l];
+            }
+            lanes_stay_innermost();
+        }
+        local.0[k] = sum;
+    }
+    *features = local.0;
+}
+
+/// Models while their windows grow.
+struct Growth<const T: usize, const L: usize> {
+    sums: Equations<T, L>,
+    previous: Aligned<Coefficients<T, L>>,
+    centre: [[f32; L]; CHANNELS],
+    /// 1 where the centre is fitted, 0 where it only starts the prior.
+    centre_counts: [f32; L],
+    terms: [usize; L],
+    pixels: [f32; L],
+    weights: [f32; L],
+    /// Sum of weight times variance.
+    noise: [f32; L],
+    /// Of a ring, by the model fitted before it.
+    test: [f32; L],
+    /// Accumulated risk, xi_acc of LPR Eq. 4, without the noise.
+    risk: [f32; L],
+    best: Models<T, L>,
+    systems: Systems<T, L>,
+    keep_systems: bool,
+}
+
+impl<const T: usize, const L: usize> Growth<T, L> {
+    #[inline(always)]
+    fn new(centre: &Sample<L>, rank: [usize; L], keep_systems: bool) -> Self {
+        let mut growth = Self {
+            sums: Equations::new(),
+            previous: Aligned([[[0.0; L]; T]; CHANNELS]),
+            centre: centre.colour,
+            centre_counts: [0.0; L],
+            terms: rank.map(|rank| rank + 1),
+            pixels: [0.0; L],
+            weights: [0.0; L],
+            noise: [0.0; L],
+            test: [0.0; L],
+            risk: [0.0; L],
+            best: Models::of_centres(centre),
+            systems: Systems::NONE,
+            keep_systems,
+        };
+        for l in 0..L {
+            if centre.weight[l] > 0.0 {
+                growth.centre_counts[l] = 1.0;
+            }
+        }
         growth
     }
 
+    /// Takes in `N` pixels of ring `radius`, whose features become local ones.
     #[inline(always)]
-    fn add(&mut self, terms: &[f32; T], sample: &Sample) {
-        if sample.weight > 0.0 {
-            self.sums.add(terms, &sample.colour, sample.weight);
-            self.pixels += 1.0;
-            self.weights += sample.weight;
-            self.noise += sample.weight * sample.variance;
-        }
-    }
-
-    /// Takes in ring `radius`, and keeps the model if its risk is the least so far.
-    #[inline(always)]
-    fn grow(
+    fn take_in<const N: usize, const D: usize>(
         &mut self,
         radius: usize,
-        terms: &[Terms; WINDOW_AREA],
-        samples: &[Sample; WINDOW_AREA],
-        params: &Params,
+        features: &mut [[[f32; L]; D]; N],
+        samples: &[Sample<L>; N],
+        basis: &Basis<D, L>,
     ) {
-        let (inner, outer) = (window_pixels(radius - 1), window_pixels(radius));
-        let mut test = 0.0;
-        for (terms, sample) in terms.iter().zip(samples).take(outer).skip(inner) {
-            let Some(terms) = terms.first_chunk::<T>() else {
-                return;
-            };
-            if radius >= FIRST_TEST_RING && sample.weight > 0.0 {
-                test += sample.weight
-                    * (squared_distance(&self.previous, terms, &sample.colour) - sample.variance);
+        let mut z = Aligned([[[0.0; L]; T]; N]);
+        let mut colour = [[[0.0; L]; CHANNELS]; N];
+        let mut weight = [[0.0; L]; N];
+        for p in 0..N {
+            project::<T, D, L>(&mut features[p], basis);
+            z.0[p] = terms(&features[p]).0;
+            colour[p] = samples[p].colour;
+            weight[p] = samples[p].weight;
+            if radius >= FIRST_TEST_RING {
+                let squared = squared_distance(&self.previous.0, &z.0[p], &colour[p]);
+                for l in 0..L {
+                    let test = weight[p][l] * (squared[l] - samples[p].variance[l]);
+                    self.test[l] += if weight[p][l] > 0.0 { test } else { 0.0 };
+                }
             }
-            self.add(terms, sample);
+            for l in 0..L {
+                self.pixels[l] += if weight[p][l] > 0.0 { 1.0 } else { 0.0 };
+                self.weights[l] += weight[p][l];
+                self.noise[l] += weight[p][l] * samples[p].variance[l];
+            }
+            lanes_stay_innermost();
         }
-        let share = self.weights / self.pixels.max(1.0);
-        let [centre, ..] = samples;
-        let intercept = if centre.weight > 0.0 {
-            params.intercept_strength * share
-        } else {
-            0.0
-        };
-        let prior = Prior::at_centre(&centre.colour, intercept, params.gradient_strength * share);
-        let Ok(solution) = self.sums.solve(&prior) else {
-            return;
-        };
-        self.previous = *solution.coefficients();
-        // Variance of a pixel of average weight: with weights of 1 / variance it is 1 whatever the brightness.
-        let noise = self.noise / self.pixels.max(1.0);
+        self.sums.add(&z.0, &colour, &weight);
+    }
+
+    /// Fits what has been taken in up to ring `radius`, and keeps each model whose risk is the least so far.
+    #[inline(always)]
+    fn choose(&mut self, radius: usize, params: &Params) {
+        let mut strengths = [[0.0; L]; T];
+        let mut noise = [0.0; L];
+        for l in 0..L {
+            let pixels = if self.pixels[l] > 1.0 {
+                self.pixels[l]
+            } else {
+                1.0
+            };
+            let share = self.weights[l] / pixels;
+            strengths[0][l] = params.intercept_strength * share * self.centre_counts[l];
+            for t in 1..T {
+                strengths[t][l] = params.gradient_strength * share;
+            }
+            // Variance of a pixel of average weight: with weights of 1 / variance it is 1 whatever the brightness.
+            noise[l] = self.noise[l] / pixels;
+        }
+        let factor = Factor::new(&self.sums.gram, &strengths);
+        let change = self.sums.moments_about(&self.centre);
+        let (coefficients, finite) = minimiser(&factor, change, &self.centre);
         if radius < FIRST_TEST_RING {
-            self.risk = self.stein(&solution, noise);
+            self.risk = self.stein(&coefficients, &factor, &strengths, &noise);
         } else {
-            self.risk += test;
+            for l in 0..L {
+                self.risk[l] += self.test[l];
+            }
         }
-        let floor = RISK_FLOOR * noise * T as f32;
-        let risk = self.risk.max(floor) / self.weights;
-        if risk < self.best.model.risk {
-            let model = Model {
-                radius,
-                terms: T,
-                coefficients: padded(&self.previous),
-                risk,
+        self.test = [0.0; L];
+        for l in 0..L {
+            if !(finite[l] && factor.finite[l]) {
+                continue;
+            }
+            for c in 0..CHANNELS {
+                for t in 0..T {
+                    self.previous.0[c][t][l] = coefficients[c][t][l];
+                }
+            }
+            let floor = RISK_FLOOR * noise[l] * self.terms[l] as f32;
+            let risk = if self.risk[l] > floor {
+                self.risk[l]
+            } else {
+                floor
             };
-            self.best = Fitted {
-                model,
-                system: Some((*self.sums.gram(), solution)),
-            };
+            let risk = risk / self.weights[l];
+            if risk < self.best.risk[l] {
+                self.best.risk[l] = risk;
+                self.best.radius[l] = radius;
+                self.best.terms[l] = self.terms[l];
+                for c in 0..CHANNELS {
+                    for t in 0..T {
+                        self.best.coefficients[c][t][l] = coefficients[c][t][l];
+                    }
+                }
+                if self.keep_systems {
+                    self.systems.keep(l, &self.sums.gram, &factor);
+                }
+            }
         }
     }
 
     /// Stein's unbiased risk, `RSS - sum w var + 2 trace(P sum w^2 var z z^T)` with `w var` at its mean.
     #[inline(always)]
-    fn stein(&self, solution: &Solution<T>, noise: f32) -> f32 {
-        let residual: f32 = self.sums.residual_squares(&self.previous).iter().sum();
-        let freedom = solution.trace(self.sums.gram());
-        (residual - self.noise + 2.0 * noise * freedom).max(RISK_FLOOR * noise * freedom)
+    fn stein(
+        &self,
+        coefficients: &Coefficients<T, L>,
+        factor: &Factor<T, L>,
+        strengths: &[[f32; L]; T],
+        noise: &[f32; L],
+    ) -> [f32; L] {
+        let residual = self.sums.residual_squares(coefficients);
+        let freedom = factor.freedom(&self.sums.gram, strengths);
+        let mut risk = [0.0; L];
+        for l in 0..L {
+            let sum = residual[0][l] + residual[1][l] + residual[2][l];
+            let unbiased = sum - self.noise[l] + 2.0 * noise[l] * freedom[l];
+            let floor = RISK_FLOOR * noise[l] * freedom[l];
+            risk[l] = if unbiased > floor { unbiased } else { floor };
+        }
+        risk
     }
 }
 
-/// The centre itself, as a model of r = 0: its risk is its variance (LPR section 4.2).
-pub(crate) fn constant_model(centre: &Sample) -> Model {
-    let mut coefficients = [[0.0; MAX_TERMS]; 3];
-    for (coefficients, &colour) in coefficients.iter_mut().zip(&centre.colour) {
-        if let Some(intercept) = coefficients.first_mut() {
-            *intercept = colour;
+/// `beta(0) + P change`, beta(0) the centre and no gradients, and whether it is finite.
+#[inline(always)]
+fn minimiser<const T: usize, const L: usize>(
+    factor: &Factor<T, L>,
+    mut change: [[[f64; L]; T]; CHANNELS],
+    centre: &[[f32; L]; CHANNELS],
+) -> (Coefficients<T, L>, [bool; L]) {
+    let mut coefficients = constant(centre);
+    let mut finite = [true; L];
+    for c in 0..CHANNELS {
+        factor.solve(&mut change[c]);
+        for t in 0..T {
+            for l in 0..L {
+                let value = f64::from(coefficients[c][t][l]) + change[c][t][l];
+                finite[l] &= value.is_finite();
+                coefficients[c][t][l] = saturate(value);
+            }
+            lanes_stay_innermost();
         }
     }
-    let risk = if centre.weight > 0.0 {
-        centre.variance
-    } else {
-        f32::MAX
-    };
-    Model {
-        radius: 0,
-        terms: 1,
-        coefficients,
-        risk,
+    (coefficients, finite)
+}
+
+/// The centre's radiance, whatever the features.
+#[inline(always)]
+fn constant<const T: usize, const L: usize>(centre: &[[f32; L]; CHANNELS]) -> Coefficients<T, L> {
+    let mut coefficients = [[[0.0; L]; T]; CHANNELS];
+    for c in 0..CHANNELS {
+        coefficients[c][0] = centre[c];
     }
+    coefficients
+}
+
+/// `beta^T z` of one channel.
+#[inline(always)]
+pub(crate) fn evaluate<const T: usize, const L: usize>(
+    coefficients: &[[f32; L]; T],
+    terms: &[[f32; L]; T],
+) -> [f32; L] {
+    let mut value = [0.0; L];
+    for t in 0..T {
+        for l in 0..L {
+            value[l] += coefficients[t][l] * terms[t][l];
+        }
+        lanes_stay_innermost();
+    }
+    value
 }
 
 /// `sum over channels (beta^T z - y)^2`.
 #[inline(always)]
-fn squared_distance<const T: usize>(
-    coefficients: &[[f32; T]; 3],
-    terms: &[f32; T],
-    colour: &[f32; 3],
-) -> f32 {
-    let mut sum = 0.0;
-    for (beta, y) in coefficients.iter().zip(colour) {
-        let mut value = 0.0;
-        for (b, z) in beta.iter().zip(terms) {
-            value += b * z;
+fn squared_distance<const T: usize, const L: usize>(
+    coefficients: &Coefficients<T, L>,
+    terms: &[[f32; L]; T],
+    colour: &[[f32; L]; CHANNELS],
+) -> [f32; L] {
+    let mut sum = [0.0; L];
+    for c in 0..CHANNELS {
+        let value = evaluate(&coefficients[c], terms);
+        for l in 0..L {
+            sum[l] += (value[l] - colour[c][l]) * (value[l] - colour[c][l]);
         }
-        sum += (value - y) * (value - y);
     }
     sum
-}
-
-pub(crate) fn padded<const T: usize>(coefficients: &[[f32; T]; 3]) -> [Terms; 3] {
-    coefficients.map(|channel| {
-        let mut terms = [0.0; MAX_TERMS];
-        for (term, value) in terms.iter_mut().zip(channel) {
-            *term = value;
-        }
-        terms
-    })
 }

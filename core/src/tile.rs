@@ -73,10 +73,10 @@ impl<const D: usize> Tile<D> {
         pixels: [Pixel::OUTSIDE; TILE_AREA],
     };
 
-    /// The pixel at (x, y) of the tile, or one outside the image.
+    /// The pixel at `y * TILE + x`, or one outside the image.
     #[inline(always)]
-    pub fn pixel(&self, x: usize, y: usize) -> &Pixel<D> {
-        self.pixels.get(y * TILE + x).unwrap_or(&Pixel::OUTSIDE)
+    pub(crate) fn pixel_at(&self, position: usize) -> &Pixel<D> {
+        self.pixels.get(position).unwrap_or(&Pixel::OUTSIDE)
     }
 }
 
@@ -110,11 +110,15 @@ const fn rings() -> [(i8, i8); WINDOW_AREA] {
     offsets
 }
 
-/// Position in a tile from a centre and an offset that stay inside it.
-#[inline(always)]
-pub(crate) fn offset(x: usize, y: usize, by: (i8, i8)) -> (usize, usize) {
-    (
-        x.wrapping_add_signed(isize::from(by.0)),
-        y.wrapping_add_signed(isize::from(by.1)),
-    )
+/// The same offsets as steps between positions in a tile.
+pub(crate) const RING_STEPS: [isize; WINDOW_AREA] = ring_steps();
+
+const fn ring_steps() -> [isize; WINDOW_AREA] {
+    let mut steps = [0; WINDOW_AREA];
+    let mut i = 0;
+    while i < WINDOW_AREA {
+        steps[i] = RINGS[i].1 as isize * TILE as isize + RINGS[i].0 as isize;
+        i += 1;
+    }
+    steps
 }

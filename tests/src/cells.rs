@@ -21,7 +21,10 @@ pub struct Cell {
 
 /// Denoises the cell of a tile, and resolves the whole tile.
 pub fn denoise(tile: &Tile, params: &Params) -> Cell {
-    let (mut scratch, mut predictions) = (Box::new(Scratch::new()), Box::new(Predictions::NONE));
+    let (mut scratch, mut predictions) = (
+        Box::new(Scratch::<FEATURES, 1>::new()),
+        Box::new(Predictions::NONE),
+    );
     let models = linpred_core::denoise_cell(tile, params, &mut [], &mut scratch, &mut predictions);
     let pixels = tile.pixels.iter().zip(&predictions.sums);
     Cell {

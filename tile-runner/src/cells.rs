@@ -1,13 +1,17 @@
-//! A row of cells: tiles in, predictions out, added up in the order of the cells.
+//! A row of cells: tiles in, predictions out, added up in an order that the cells' own does not change.
+
+use std::num::NonZeroUsize;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use linpred_core::{
-    CELL, HALO, LayerTile, Params, Pixel, PixelState, Predictions, Scratch, Sum, TILE, TILE_AREA,
-    Tile,
+    CELL, Cells, HALO, LayerTile, Params, Pixel, PixelState, Predictions, Scratch, Sum, TILE,
+    TILE_AREA, Tile,
 };
 use rayon::prelude::*;
 
 use crate::blocks::PreparedRows;
-use crate::dispatch::{Level, TILE_FEATURES};
+use crate::dispatch::{LANES, Level, TILE_FEATURES};
 use crate::geometry::{ImageSize, plane_bytes};
 use crate::held_rows::HeldRows;
 use crate::row::RowLayout;
@@ -103,150 +107,231 @@ impl Neighbourhood<'_> {
     }
 }
 
-/// What became of one cell.
-struct Outcome {
-    models: u32,
-    predictions: Box<Predictions>,
+/// Cells that a thread works on side by side, and its working memory.
+struct Bench {
+    lanes: Vec<Lane>,
+    scratch: Box<Scratch<TILE_FEATURES, LANES>>,
+}
+
+/// A cell in work.
+struct Lane {
+    column: usize,
+    tile: Tile<TILE_FEATURES>,
+    predictions: Predictions,
     layers: Vec<LayerTile>,
 }
 
-/// Working memory of a thread.
-struct Bench {
-    tile: Tile<TILE_FEATURES>,
-    scratch: Scratch,
+impl Bench {
+    fn new(layers: usize) -> Self {
+        let lane = || Lane {
+            column: 0,
+            tile: Tile::EMPTY,
+            predictions: Predictions::NONE,
+            layers: vec![LayerTile::BLACK; layers],
+        };
+        Self {
+            lanes: (0..LANES).map(|_| lane()).collect(),
+            scratch: Box::new(Scratch::new()),
+        }
+    }
+
+    fn bytes(layers: usize) -> usize {
+        let lane = size_of::<Lane>() + layers * size_of::<LayerTile>();
+        LANES * lane + size_of::<Scratch<TILE_FEATURES, LANES>>()
+    }
 }
 
-/// Cells that each thread denoises before their predictions are added up.
-const CELLS_PER_THREAD: usize = 4;
+/// A row of cells while it is denoised.
+struct RowOfCells<'a> {
+    around: &'a Neighbourhood<'a>,
+    columns: usize,
+    /// The next column that no thread has taken.
+    next: AtomicUsize,
+    models: &'a AtomicUsize,
+    sums: Mutex<&'a mut Sums>,
+}
 
-/// Sums of predictions of the rows that a row of cells can reach.
-pub(crate) struct SumRows {
+/// What a thread sees of it.
+struct Share<'a> {
+    row: &'a RowOfCells<'a>,
+    lanes: &'a mut [Lane],
+}
+
+impl Cells<TILE_FEATURES> for Share<'_> {
+    fn next(&mut self, lane: usize) -> bool {
+        let column = self.row.next.fetch_add(1, Ordering::Relaxed);
+        if column >= self.row.columns {
+            return false;
+        }
+        let lane = &mut self.lanes[lane];
+        lane.column = column;
+        self.row.around.load(&mut lane.tile, column);
+        for (layer, tile) in lane.layers.iter_mut().enumerate() {
+            self.row.around.load_layer(tile, layer, column);
+            tile.clear();
+        }
+        true
+    }
+
+    fn tile(&self, lane: usize) -> &Tile<TILE_FEATURES> {
+        &self.lanes[lane].tile
+    }
+
+    fn results(&mut self, lane: usize) -> (&mut Predictions, &mut [LayerTile]) {
+        let lane = &mut self.lanes[lane];
+        (&mut lane.predictions, &mut lane.layers)
+    }
+
+    fn done(&mut self, lane: usize, models: u32) {
+        self.row
+            .models
+            .fetch_add(models as usize, Ordering::Relaxed);
+        // A thread that panicked takes the run down with it; the sums are of no use then.
+        let mut sums = self.row.sums.lock().unwrap_or_else(PoisonError::into_inner);
+        sums.add(&self.lanes[lane]);
+    }
+}
+
+/// Sums of predictions over some rows.
+struct Sums {
     width: usize,
-    /// The first row held.
-    first: isize,
-    sums: Vec<Sum>,
-    /// Sums of each layer, red green blue.
+    beauty: Vec<Sum>,
+    /// Of each layer, red green blue.
     layers: Vec<Vec<[f32; 3]>>,
 }
 
-impl SumRows {
-    /// Sums for the first row of cells.
-    pub(crate) fn new(layout: &RowLayout) -> Self {
-        let pixels = layout.size.width() * TILE;
+impl Sums {
+    fn new(layout: &RowLayout, rows: usize) -> Self {
+        let pixels = layout.size.width() * rows;
         Self {
             width: layout.size.width(),
-            first: -(HALO as isize),
-            sums: vec![Sum::NONE; pixels],
+            beauty: vec![Sum::NONE; pixels],
             layers: vec![vec![[0.0; 3]; pixels]; layout.layers],
         }
     }
 
-    /// Bytes of the sums.
-    pub(crate) fn bytes(layout: &RowLayout) -> u64 {
+    fn bytes(layout: &RowLayout, rows: usize) -> u64 {
         let planes = size_of::<Sum>() / size_of::<f32>() + 3 * layout.layers;
-        plane_bytes(layout.size, TILE, planes)
+        plane_bytes(layout.size, rows, planes)
     }
 
-    /// Bytes that predicting takes, on `threads` threads.
-    pub(crate) fn working_bytes(layout: &RowLayout, threads: u64) -> u64 {
-        let outcome = size_of::<Predictions>() + layout.layers * size_of::<LayerTile>();
-        threads * (size_of::<Bench>() + CELLS_PER_THREAD * outcome) as u64
-    }
-
-    /// The sums of row `y`.
-    pub(crate) fn row(&self, y: usize) -> &[Sum] {
-        let start = (y as isize - self.first) as usize * self.width;
-        &self.sums[start..start + self.width]
-    }
-
-    /// The sums of row `y` of a layer.
-    pub(crate) fn layer_row(&self, layer: usize, y: usize) -> &[[f32; 3]] {
-        let start = (y as isize - self.first) as usize * self.width;
-        &self.layers[layer][start..start + self.width]
-    }
-
-    /// Moves on by a row of cells: the rows that no later cell reaches are let go.
-    pub(crate) fn advance(&mut self) {
-        self.sums.copy_within(CELL * self.width.., 0);
-        let kept = (TILE - CELL) * self.width;
-        self.sums[kept..].fill(Sum::NONE);
-        for sums in &mut self.layers {
-            sums.copy_within(CELL * self.width.., 0);
-            sums[kept..].fill([0.0; 3]);
-        }
-        self.first += CELL as isize;
-    }
-
-    /// Denoises a row of cells and adds up their predictions; returns how many models that took.
-    pub(crate) fn predict(&mut self, around: &Neighbourhood, params: &Params, level: Level) -> u64 {
-        let columns: Vec<usize> = (0..around.size.width().div_ceil(CELL)).collect();
-        let mut models = 0;
-        for columns in columns.chunks(CELLS_PER_THREAD * rayon::current_num_threads()) {
-            let outcomes: Vec<Outcome> = columns
-                .par_iter()
-                .map_init(bench, |bench, &column| {
-                    bench.denoise(around, column, params, level, self.layers.len())
-                })
-                .collect();
-            for (outcome, &column) in outcomes.iter().zip(columns) {
-                models += u64::from(outcome.models);
-                self.add(outcome, column);
-            }
-        }
-        models
-    }
-
-    fn add(&mut self, outcome: &Outcome, column: usize) {
-        let columns = column * CELL..self.width.min(column * CELL + TILE - HALO) + HALO;
+    /// Adds a cell of the row whose halo begins with the first row. No pixel is reached by more than two cells of a row,
+    /// and the sum of two floats does not depend on their order.
+    fn add(&mut self, lane: &Lane) {
+        const { assert!(2 * HALO < CELL) };
+        let columns = lane.column * CELL..self.width.min(lane.column * CELL + TILE - HALO) + HALO;
         for ty in 0..TILE {
             for (tx, x) in columns.clone().enumerate() {
                 let Some(x) = x.checked_sub(HALO) else {
                     continue;
                 };
                 let (from, to) = (ty * TILE + tx, ty * self.width + x);
-                self.sums[to].add(&outcome.predictions.sums[from]);
-                for (sums, layer) in self.layers.iter_mut().zip(&outcome.layers) {
-                    for (sum, value) in sums[to].iter_mut().zip(layer.sums[from]) {
-                        *sum += value;
-                    }
+                self.beauty[to].add(&lane.predictions.sums[from]);
+                for (sums, layer) in self.layers.iter_mut().zip(&lane.layers) {
+                    add_colour(&mut sums[to], &layer.sums[from]);
                 }
             }
         }
     }
 }
 
-impl Bench {
-    fn denoise(
-        &mut self,
-        around: &Neighbourhood,
-        column: usize,
-        params: &Params,
-        level: Level,
-        layers: usize,
-    ) -> Outcome {
-        around.load(&mut self.tile, column);
-        let mut outcome = Outcome {
-            models: 0,
-            predictions: Box::new(Predictions::NONE),
-            layers: vec![LayerTile::BLACK; layers],
-        };
-        for (layer, tile) in outcome.layers.iter_mut().enumerate() {
-            around.load_layer(tile, layer, column);
-        }
-        let Outcome {
-            predictions,
-            layers,
-            ..
-        } = &mut outcome;
-        outcome.models =
-            level.denoise_cell(&self.tile, params, layers, &mut self.scratch, predictions);
-        outcome
+fn add_colour(sum: &mut [f32; 3], other: &[f32; 3]) {
+    for (sum, value) in sum.iter_mut().zip(other) {
+        *sum += value;
     }
 }
 
-fn bench() -> Box<Bench> {
-    Box::new(Bench {
-        tile: Tile::EMPTY,
-        scratch: Scratch::new(),
-    })
+/// Sums of predictions of the rows that a row of cells can reach.
+pub(crate) struct SumRows {
+    /// The first row held.
+    first: isize,
+    /// Of the row of cells; where it overlaps the one before, of both once both are predicted.
+    own: Sums,
+    /// What the row of cells before has left in its halo.
+    before: Sums,
+    benches: Vec<Bench>,
+}
+
+/// Rows that two rows of cells reach.
+const OVERLAP: usize = TILE - CELL;
+
+impl SumRows {
+    /// Sums for the first row of cells.
+    pub(crate) fn new(layout: &RowLayout, threads: NonZeroUsize) -> Self {
+        Self {
+            first: -(HALO as isize),
+            own: Sums::new(layout, TILE),
+            before: Sums::new(layout, OVERLAP),
+            benches: (0..threads.get())
+                .map(|_| Bench::new(layout.layers))
+                .collect(),
+        }
+    }
+
+    /// Bytes of the sums and of what predicting takes, on `threads` threads.
+    pub(crate) fn bytes(layout: &RowLayout, threads: u64) -> u64 {
+        let benches = threads.saturating_mul(Bench::bytes(layout.layers) as u64);
+        Sums::bytes(layout, TILE + OVERLAP).saturating_add(benches)
+    }
+
+    /// The sums of row `y`.
+    pub(crate) fn row(&self, y: usize) -> &[Sum] {
+        let start = self.start(y);
+        &self.own.beauty[start..start + self.own.width]
+    }
+
+    /// The sums of row `y` of a layer.
+    pub(crate) fn layer_row(&self, layer: usize, y: usize) -> &[[f32; 3]] {
+        let start = self.start(y);
+        &self.own.layers[layer][start..start + self.own.width]
+    }
+
+    fn start(&self, y: usize) -> usize {
+        (y as isize - self.first) as usize * self.own.width
+    }
+
+    /// Moves on by a row of cells: the rows that no later cell reaches are let go.
+    pub(crate) fn advance(&mut self) {
+        let left = CELL * self.own.width;
+        self.before.beauty.copy_from_slice(&self.own.beauty[left..]);
+        self.own.beauty.fill(Sum::NONE);
+        for (before, own) in self.before.layers.iter_mut().zip(&mut self.own.layers) {
+            before.copy_from_slice(&own[left..]);
+            own.fill([0.0; 3]);
+        }
+        self.first += CELL as isize;
+    }
+
+    /// Denoises a row of cells and adds up their predictions; returns how many models that took.
+    pub(crate) fn predict(&mut self, around: &Neighbourhood, params: &Params, level: Level) -> u64 {
+        let models = AtomicUsize::new(0);
+        let row = RowOfCells {
+            around,
+            columns: around.size.width().div_ceil(CELL),
+            next: AtomicUsize::new(0),
+            models: &models,
+            sums: Mutex::new(&mut self.own),
+        };
+        self.benches.par_iter_mut().for_each(|bench| {
+            let mut share = Share {
+                row: &row,
+                lanes: &mut bench.lanes,
+            };
+            level.denoise_cells(&mut share, params, &mut bench.scratch);
+        });
+        self.add_before();
+        models.into_inner() as u64
+    }
+
+    /// Adds what the row of cells before has left.
+    fn add_before(&mut self) {
+        for (own, before) in self.own.beauty.iter_mut().zip(&self.before.beauty) {
+            own.add(before);
+        }
+        for (own, before) in self.own.layers.iter_mut().zip(&self.before.layers) {
+            for (own, before) in own.iter_mut().zip(before) {
+                add_colour(own, before);
+            }
+        }
+    }
 }

@@ -4,15 +4,17 @@
 //! make it faster.
 
 use linpred_core::{
-    ColourBlock, FeatureGroup, FilteredGroup, LayerTile, NoiseBlock, NoisyBlock, Params,
-    Predictions, PreparedBlock, Scratch, Tile, denoise_cell, estimate_colour_noise,
-    estimate_feature_noise, prefilter, prepare,
+    Cells, ColourBlock, FeatureGroup, FilteredGroup, NoiseBlock, NoisyBlock, Params, PreparedBlock,
+    Scratch, denoise_cells, estimate_colour_noise, estimate_feature_noise, prefilter, prepare,
 };
 
 use crate::row::FEATURES;
 
 /// Features of a tile: position, then those of a row.
 pub(crate) const TILE_FEATURES: usize = FEATURES + 2;
+
+/// Cells that a thread denoises side by side: the lanes of the widest registers in double precision.
+pub(crate) const LANES: usize = 8;
 
 /// An instruction set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,17 +51,17 @@ impl Level {
 
 /// Defines a method of [`Level`] that runs a core function compiled for the level.
 macro_rules! dispatched {
-    ($(#[$doc:meta])* $name:ident $(<const $n:ident: usize>)? ($($arg:ident: $ty:ty),*) -> $out:ty) => {
+    ($(#[$doc:meta])* $name:ident $([$($generics:tt)*])? ($($arg:ident: $ty:ty),*) -> $out:ty) => {
         impl Level {
             $(#[$doc])*
             #[cfg_attr(not(target_arch = "x86_64"), inline)]
-            pub(crate) fn $name $(<const $n: usize>)? (self, $($arg: $ty),*) -> $out {
+            pub(crate) fn $name $(<$($generics)*>)? (self, $($arg: $ty),*) -> $out {
                 #[cfg(target_arch = "x86_64")]
                 {
                     #[target_feature(enable = "avx2")]
-                    fn avx2 $(<const $n: usize>)? ($($arg: $ty),*) -> $out { $name($($arg),*) }
+                    fn avx2 $(<$($generics)*>)? ($($arg: $ty),*) -> $out { $name($($arg),*) }
                     #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
-                    fn avx512 $(<const $n: usize>)? ($($arg: $ty),*) -> $out { $name($($arg),*) }
+                    fn avx512 $(<$($generics)*>)? ($($arg: $ty),*) -> $out { $name($($arg),*) }
                     match self {
                         Self::Baseline => {}
                         // SAFETY: `detect` gives these levels only where the processor has their instructions.
@@ -80,17 +82,15 @@ dispatched! {
 }
 dispatched! {
     /// [`linpred_core::prefilter`].
-    prefilter<const N: usize>(input: &FeatureGroup<N>, output: &mut FilteredGroup<N>) -> bool
+    prefilter[const N: usize](input: &FeatureGroup<N>, output: &mut FilteredGroup<N>) -> bool
 }
 dispatched! {
-    /// [`linpred_core::denoise_cell`].
-    denoise_cell(
-        tile: &Tile<TILE_FEATURES>,
+    /// [`linpred_core::denoise_cells`].
+    denoise_cells[C: Cells<TILE_FEATURES>](
+        cells: &mut C,
         params: &Params,
-        layers: &mut [LayerTile],
-        scratch: &mut Scratch,
-        predictions: &mut Predictions
-    ) -> u32
+        scratch: &mut Scratch<TILE_FEATURES, LANES>
+    ) -> ()
 }
 dispatched! {
     /// [`linpred_core::estimate_colour_noise`].

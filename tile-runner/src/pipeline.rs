@@ -65,13 +65,12 @@ pub fn bytes(layout: &RowLayout, threads: NonZeroUsize) -> u64 {
     let threads = threads.get() as u64;
     let working = missing
         .working_bytes(threads)
-        .max(PreparedRows::working_bytes(threads))
-        .max(SumRows::working_bytes(layout, threads));
+        .max(PreparedRows::working_bytes(threads));
     [
         colours,
         guides,
         PreparedRows::bytes(layout).saturating_mul(2),
-        SumRows::bytes(layout),
+        SumRows::bytes(layout, threads),
         InputRow::bytes(layout),
         OutputRow::bytes(layout),
         working,
@@ -101,7 +100,7 @@ pub fn denoise(
         .build();
     let pool =
         pool.map_err(|e| Error::Budget(format!("can't start {} threads: {e}", options.threads)))?;
-    let mut frame = Frame::new(source.layout(), options.params);
+    let mut frame = Frame::new(source.layout(), options);
     let height = frame.layout.size.height();
     for row in 0..height.div_ceil(CELL) {
         let needed = (row + 1) * CELL + LOOK_BELOW;
@@ -140,16 +139,16 @@ struct Frame {
 }
 
 impl Frame {
-    fn new(layout: RowLayout, params: Params) -> Self {
+    fn new(layout: RowLayout, options: &Options) -> Self {
         Self {
             layout,
-            params,
+            params: options.params,
             level: Level::detect(),
             missing: Missing::of(&layout),
             estimated: 0,
             band: HeldRows::new(layout),
             prepared: std::array::from_fn(|_| PreparedRows::new(&layout)),
-            sums: SumRows::new(&layout),
+            sums: SumRows::new(&layout, options.threads),
             input: InputRow::new(&layout),
             output: OutputRow::new(&layout),
             written: 0,

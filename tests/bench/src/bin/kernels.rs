@@ -1,18 +1,21 @@
 //! A small fixed workload for each of the core's kernels, for `regress.sh` to count instructions in.
 //!
-//! `kernels denoise_cell|prefilter|prepare`. What is counted runs in [`counted`] alone; the images are made outside it. No
+//! `kernels denoise_cells|prefilter|prepare`. What is counted runs in [`counted`] alone; the images are made outside it. No
 //! instruction set beyond the target's own is used.
 
 use std::hint::black_box;
 
 use anyhow::{Result, bail};
 use linpred_core::{
-    CELL, ColourBlock, FeatureGroup, FilteredGroup, HALO, Params, Pixel, PixelState, Predictions,
-    PreparedBlock, Scratch, TILE, Tile, denoise_cell, prefilter, prepare,
+    Cells, ColourBlock, FeatureGroup, FilteredGroup, LayerTile, Params, Pixel, PixelState,
+    Predictions, PreparedBlock, Scratch, TILE, Tile, denoise_cells, prefilter, prepare,
 };
 
 /// Position, normal, albedo and depth, as in the pipeline.
 const FEATURES: usize = 9;
+
+/// Cells side by side, as in the pipeline.
+const LANES: usize = 8;
 
 /// Instructions of calls to this function are counted, by its name.
 #[inline(never)]
@@ -23,10 +26,10 @@ fn counted(work: &mut dyn FnMut()) {
 fn main() -> Result<()> {
     let name = std::env::args().nth(1).unwrap_or_default();
     match name.as_str() {
-        "denoise_cell" => cells(),
+        "denoise_cells" => cells(),
         "prefilter" => filtered_groups(),
         "prepare" => prepared_blocks(),
-        _ => bail!("kernels denoise_cell|prefilter|prepare"),
+        _ => bail!("kernels denoise_cells|prefilter|prepare"),
     }
     Ok(())
 }
@@ -44,25 +47,51 @@ impl Noise {
     }
 }
 
-/// Three cells of rising rank: a plain wall, an edge, and textured noise.
+/// Cells of three ranks, twice as many as lanes: a plain wall, an edge, and textured noise.
 fn cells() {
-    let tiles: Vec<Box<Tile<FEATURES>>> = (0..3).map(tile).collect();
-    let mut scratch = Box::new(Scratch::new());
-    let mut predictions = Box::new(Predictions::NONE);
-    let mut models = 0;
-    counted(&mut || {
-        for tile in &tiles {
-            models += denoise_cell(
-                tile,
-                &Params::default(),
-                &mut [],
-                &mut scratch,
-                &mut predictions,
-            );
+    let mut row = Row {
+        tiles: (0..2 * LANES).map(|i| tile(i % 3)).collect(),
+        lanes: [0; LANES],
+        next: 0,
+        predictions: (0..LANES).map(|_| Predictions::NONE).collect(),
+        models: 0,
+    };
+    let mut scratch = Box::new(Scratch::<FEATURES, LANES>::new());
+    counted(&mut || denoise_cells(&mut row, &Params::default(), &mut scratch));
+    black_box(&row.predictions);
+    println!("{} models", row.models);
+}
+
+struct Row {
+    tiles: Vec<Box<Tile<FEATURES>>>,
+    /// Which tile each lane has.
+    lanes: [usize; LANES],
+    next: usize,
+    predictions: Vec<Predictions>,
+    models: u32,
+}
+
+impl Cells<FEATURES> for Row {
+    fn next(&mut self, lane: usize) -> bool {
+        if self.next == self.tiles.len() {
+            return false;
         }
-    });
-    black_box(&predictions);
-    println!("{models} models");
+        self.lanes[lane] = self.next;
+        self.next += 1;
+        true
+    }
+
+    fn tile(&self, lane: usize) -> &Tile<FEATURES> {
+        &self.tiles[self.lanes[lane]]
+    }
+
+    fn results(&mut self, lane: usize) -> (&mut Predictions, &mut [LayerTile]) {
+        (&mut self.predictions[lane], &mut [])
+    }
+
+    fn done(&mut self, _: usize, models: u32) {
+        self.models += models;
+    }
 }
 
 fn tile(kind: usize) -> Box<Tile<FEATURES>> {
@@ -73,7 +102,6 @@ fn tile(kind: usize) -> Box<Tile<FEATURES>> {
             tile.pixels[y * TILE + x] = pixel(kind, x, y, &mut noise);
         }
     }
-    debug_assert!(tile.pixel(HALO + CELL / 2, HALO).weight > 0.0);
     tile
 }
 

@@ -1,0 +1,94 @@
+//! How much noise the features of each window of a cell have kept.
+
+#![expect(
+    clippy::needless_range_loop,
+    reason = "the loops follow the indices of the formulas"
+)]
+
+use crate::tile::{CELL, RADIUS, TILE, Tile};
+
+/// Pixels along a window.
+const SPAN: usize = 2 * RADIUS + 1;
+const _: () = assert!(SPAN == 16 + 2 + 1, "the sums go by doubling");
+
+/// Sums of the features' variances over the valid pixels of the window around each pixel of a cell.
+///
+/// Once per cell rather than once per model: windows overlap.
+pub(crate) struct FeatureNoise<const D: usize> {
+    sums: [[[f32; D]; CELL]; CELL],
+}
+
+impl<const D: usize> FeatureNoise<D> {
+    pub(crate) const NONE: Self = Self {
+        sums: [[[0.0; D]; CELL]; CELL],
+    };
+
+    /// The sums of the window around (x, y) of the cell.
+    #[inline(always)]
+    pub(crate) fn around(&self, x: usize, y: usize) -> &[f32; D] {
+        let sums = self.sums.get(y).and_then(|row| row.get(x));
+        sums.unwrap_or(&[0.0; D])
+    }
+
+    /// Works out the sums of a tile's cell.
+    #[inline(always)]
+    pub(crate) fn fill(&mut self, tile: &Tile<D>) {
+        *self = Self::NONE;
+        for y in 0..TILE {
+            let mut variances = [[0.0; D]; TILE];
+            let mut noisy = false;
+            for x in 0..TILE {
+                let pixel = tile.pixel_at(y * TILE + x);
+                if pixel.weight > 0.0 {
+                    variances[x] = pixel.feature_variance;
+                    noisy |= pixel.feature_variance.iter().any(|v| *v > 0.0);
+                }
+            }
+            if noisy {
+                self.add_row(y, &along(&variances));
+            }
+        }
+    }
+
+    /// Adds row `y` of the tile to the windows that hold it.
+    #[inline(always)]
+    fn add_row(&mut self, y: usize, along: &[[f32; D]; CELL]) {
+        for row in self
+            .sums
+            .iter_mut()
+            .take(y + 1)
+            .skip((y + 1).saturating_sub(SPAN))
+        {
+            for (sum, value) in row.as_flattened_mut().iter_mut().zip(along.as_flattened()) {
+                *sum += value;
+            }
+        }
+    }
+}
+
+/// Sums of 19 along a row.
+#[inline(always)]
+fn along<const D: usize>(values: &[[f32; D]; TILE]) -> [[f32; D]; CELL] {
+    let pairs = doubled(values, 1);
+    let sixteens = doubled(&doubled(&doubled(&pairs, 2), 4), 8);
+    let mut sums = [[0.0; D]; CELL];
+    let sixteen = sixteens.as_flattened().iter();
+    let two = pairs.as_flattened().iter().skip(16 * D);
+    let one = values.as_flattened().iter().skip(18 * D);
+    let parts = sixteen.zip(two).zip(one);
+    for (sum, ((sixteen, two), one)) in sums.as_flattened_mut().iter_mut().zip(parts) {
+        *sum = sixteen + two + one;
+    }
+    sums
+}
+
+/// Each value and the one `step` after it.
+#[inline(always)]
+fn doubled<const D: usize>(values: &[[f32; D]; TILE], step: usize) -> [[f32; D]; TILE] {
+    let mut sums = *values;
+    let after = values.as_flattened().iter().skip(step * D);
+    for (sum, after) in sums.as_flattened_mut().iter_mut().zip(after) {
+        *sum += after;
+    }
+    sums
+}
