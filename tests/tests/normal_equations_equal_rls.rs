@@ -114,7 +114,7 @@ fn sums_need_no_second_pass<const T: usize>(fit: &Fit<T>) -> Result<(), TestCase
             unit[c] += weight * (y.abs() + terms.iter().map(|t| t.abs()).sum::<f64>()).powi(2);
         }
     }
-    let ours = f64::from(solution.trace(sums.gram()));
+    let ours = f64::from(solution.trace(&sums.gram()));
     prop_assert!(
         close(ours, freedom, TRACE * freedom),
         "{ours} against {freedom}"
