@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::dispatch::Level;
 use crate::geometry::{ImageSize, plane_bytes};
-use crate::held_rows::{HeldRows, clamped};
+use crate::held_rows::{HeldRows, copy_clamped};
 use crate::row::{FEATURES, RowLayout};
 
 /// Rows of input around a row of blocks that it is made of.
@@ -56,8 +56,7 @@ impl PreparedRows {
 
     /// Bytes that working them out takes, on `threads` threads.
     pub(crate) fn working_bytes(threads: u64) -> u64 {
-        let inputs = size_of::<ColourBlock>().max(size_of::<FeatureGroup<3>>());
-        threads * (BLOCKS_PER_THREAD * size_of::<Block>() + inputs) as u64
+        threads * (BLOCKS_PER_THREAD * size_of::<Block>() + size_of::<Inputs>()) as u64
     }
 
     /// Works out the rows from `first_row` on, of which some may lie above the image, and returns how many feature groups had
@@ -68,7 +67,9 @@ impl PreparedRows {
         for columns in columns.chunks(BLOCKS_PER_THREAD * rayon::current_num_threads()) {
             let blocks: Vec<Box<Block>> = columns
                 .par_iter()
-                .map(|&x| self.work_out(band, x, first_row, level))
+                .map_init(Inputs::new, |inputs, &x| {
+                    self.work_out(band, x, first_row, level, inputs)
+                })
                 .collect();
             for (block, &x) in blocks.iter().zip(columns) {
                 filtered += block.filtered;
@@ -78,26 +79,28 @@ impl PreparedRows {
         filtered
     }
 
-    fn work_out(&self, band: &HeldRows, x: usize, y: isize, level: Level) -> Box<Block> {
-        let mut block = Box::new(Block {
-            prepared: PreparedBlock::EMPTY,
-            normal: FilteredGroup::ZERO,
-            albedo: FilteredGroup::ZERO,
-            depth: FilteredGroup::ZERO,
-            filtered: 0,
-        });
-        level.prepare(&colours(band, self.size, x, y), &mut block.prepared);
+    fn work_out(
+        &self,
+        band: &HeldRows,
+        x: usize,
+        y: isize,
+        level: Level,
+        inputs: &mut Inputs,
+    ) -> Box<Block> {
+        let mut block = Box::new(Block::EMPTY);
+        load_colours(band, x, y, &mut inputs.colours);
+        level.prepare(&inputs.colours, &mut block.prepared);
         if !self.features[0].is_empty() {
-            let normal = features::<3>(band, self.size, 0, x, y);
-            block.filtered += u64::from(level.prefilter(&normal, &mut block.normal));
+            load_features(band, 0, x, y, &mut inputs.triple);
+            block.filtered += u64::from(level.prefilter(&inputs.triple, &mut block.normal));
         }
         if !self.features[3].is_empty() {
-            let albedo = features::<3>(band, self.size, 3, x, y);
-            block.filtered += u64::from(level.prefilter(&albedo, &mut block.albedo));
+            load_features(band, 3, x, y, &mut inputs.triple);
+            block.filtered += u64::from(level.prefilter(&inputs.triple, &mut block.albedo));
         }
         if !self.features[6].is_empty() {
-            let depth = features::<1>(band, self.size, 6, x, y);
-            block.filtered += u64::from(level.prefilter(&depth, &mut block.depth));
+            load_features(band, 6, x, y, &mut inputs.single);
+            block.filtered += u64::from(level.prefilter(&inputs.single, &mut block.depth));
         }
         block
     }
@@ -139,42 +142,62 @@ struct Block {
     filtered: u64,
 }
 
-fn colours(band: &HeldRows, size: ImageSize, x: usize, y: isize) -> Box<ColourBlock> {
-    let mut block = Box::new(ColourBlock::BLACK);
+impl Block {
+    const EMPTY: Self = Self {
+        prepared: PreparedBlock::EMPTY,
+        normal: FilteredGroup::ZERO,
+        albedo: FilteredGroup::ZERO,
+        depth: FilteredGroup::ZERO,
+        filtered: 0,
+    };
+}
+
+/// What a block is made of, used for its parts in turn.
+struct Inputs {
+    colours: ColourBlock,
+    triple: FeatureGroup<3>,
+    single: FeatureGroup<1>,
+}
+
+impl Inputs {
+    fn new() -> Box<Self> {
+        Box::new(Self {
+            colours: ColourBlock::BLACK,
+            triple: FeatureGroup::ZERO,
+            single: FeatureGroup::ZERO,
+        })
+    }
+}
+
+fn load_colours(band: &HeldRows, x: usize, y: isize, block: &mut ColourBlock) {
+    const WIDTH: usize = ColourBlock::WIDTH;
+    let first = x as isize - PREPARE_HALO as isize;
     for row in 0..ColourBlock::HEIGHT {
         let from_row = y + row as isize - PREPARE_HALO as isize;
         let (colours, guides) = (band.colours(from_row), band.guides(from_row));
-        for column in 0..ColourBlock::WIDTH {
-            let from = clamped((x + column) as isize - PREPARE_HALO as isize, size.width());
-            block.luminance[row][column] = colours.luminance(from);
-            block.variance[row][column] = guides.variance[from];
-            block.good[row][column] = colours.good[from];
-        }
+        copy_clamped(&guides.luminance, first, &mut block.luminance[row][..WIDTH]);
+        copy_clamped(&guides.variance, first, &mut block.variance[row][..WIDTH]);
+        copy_clamped(&colours.good, first, &mut block.good[row][..WIDTH]);
     }
-    block
 }
 
-fn features<const N: usize>(
+fn load_features<const N: usize>(
     band: &HeldRows,
-    size: ImageSize,
-    first: usize,
+    first_feature: usize,
     x: usize,
     y: isize,
-) -> Box<FeatureGroup<N>> {
-    let mut group = Box::new(FeatureGroup::<N>::ZERO);
+    group: &mut FeatureGroup<N>,
+) {
+    let first = x as isize - PREFILTER_HALO as isize;
     for row in 0..FeatureGroup::<N>::HEIGHT {
         let from_row = y + row as isize - PREFILTER_HALO as isize;
         let source = band.guides(from_row);
-        for column in 0..FeatureGroup::<N>::WIDTH {
-            let from = clamped(
-                (x + column) as isize - PREFILTER_HALO as isize,
-                size.width(),
-            );
-            for c in 0..N {
-                group.value[c][row][column] = band.feature(first + c, from as isize, from_row);
-                group.variance[c][row][column] = source.feature_variances[first + c][from];
-            }
+        for c in 0..N {
+            let k = first_feature + c;
+            let value = &mut group.value[c][row][..FeatureGroup::<N>::WIDTH];
+            band.copy_feature(k, first, from_row, value);
+            let variance = &mut group.variance[c][row][..FeatureGroup::<N>::WIDTH];
+            copy_clamped(&source.feature_variances[k], first, variance);
         }
     }
-    group
 }
