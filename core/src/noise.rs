@@ -18,8 +18,13 @@
 //! Noise of radiance is estimated relative to the radiance around, to which it is roughly proportional: otherwise a
 //! window would lend its noise to the dark wall around it.
 
-use crate::columns::columns;
-use crate::float::sqrt;
+#![expect(
+    clippy::needless_range_loop,
+    reason = "the loops follow the indices of the formulas"
+)]
+
+use crate::columns::{columns, columns_of};
+use crate::float::reciprocal_sqrt;
 use crate::median::medians_3x3;
 use crate::prepare::{BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane};
 
@@ -44,8 +49,8 @@ const EQUAL_NEIGHBOURS: u32 = 2;
 const INPUT_COLUMNS: usize = BLOCK_COLUMNS + 2 * NOISE_HALO;
 const INPUT_HEIGHT: usize = BLOCK_HEIGHT + 2 * NOISE_HALO;
 
-/// Steps of the four directions, to (x + dx, y + dy).
-const DIRECTIONS: [(isize, isize); 4] = [(1, 0), (0, 1), (1, 1), (1, -1)];
+/// Where the next pixel of each of the four directions lies in the 3 x 3 around one; the last one lies opposite.
+const DIRECTIONS: [(usize, usize); 4] = [(2, 1), (1, 2), (2, 2), (2, 0)];
 
 /// A plane of a block with its halo; beyond the image, its mirror image.
 pub type NoisePlane = [[f32; INPUT_COLUMNS]; INPUT_HEIGHT];
@@ -162,12 +167,12 @@ static UNIT: NoisePlane = [[1.0; INPUT_COLUMNS]; INPUT_HEIGHT];
 fn relative_noise(plane: &NoisePlane) -> BlockPlane {
     let mut scale = [[0.0; INPUT_COLUMNS]; INPUT_HEIGHT];
     for y in 1..INPUT_HEIGHT - 1 {
+        let mut down = [0.0; INPUT_COLUMNS];
+        for x in 0..INPUT_COLUMNS {
+            down[x] = plane[y - 1][x].abs() + plane[y][x].abs() + plane[y + 1][x].abs();
+        }
         for x in 1..INPUT_COLUMNS - 1 {
-            let mut sum = 0.0;
-            for row in &plane[y - 1..=y + 1] {
-                sum += row[x - 1].abs() + row[x].abs() + row[x + 1].abs();
-            }
-            scale[y][x] = sum / 9.0;
+            scale[y][x] = (down[x - 1] + down[x] + down[x + 1]) / 9.0;
         }
     }
     least_direction::<RADIANCE_RADIUS, true>(plane, &scale)
@@ -205,26 +210,35 @@ fn least_direction<const RADIUS: usize, const ROBUST: bool>(
     least
 }
 
+/// Squared second differences over the squared scale, or their roots; 0 along the border.
 #[inline(always)]
 fn second_differences<const ROBUST: bool>(
     plane: &NoisePlane,
     scale: &NoisePlane,
-    (dx, dy): (isize, isize),
+    (x, y): (usize, usize),
 ) -> NoisePlane {
+    const INSIDE: usize = INPUT_COLUMNS - 2;
     let mut terms = [[0.0; INPUT_COLUMNS]; INPUT_HEIGHT];
-    for y in 1..INPUT_HEIGHT - 1 {
-        let (before, after) = (y.wrapping_add_signed(-dy), y.wrapping_add_signed(dy));
-        for x in 1..INPUT_COLUMNS - 1 {
-            let (left, right) = (x.wrapping_add_signed(-dx), x.wrapping_add_signed(dx));
-            let difference = plane[after][right] - 2.0 * plane[y][x] + plane[before][left];
-            let (own, next, last) = (scale[y][x], scale[after][right], scale[before][left]);
+    for row in 0..INPUT_HEIGHT - 2 {
+        let trio = |plane| -> [&[f32; INSIDE]; 3] {
+            [
+                columns_of(plane, row + 2 - y, 2 - x),
+                columns_of(plane, row + 1, 1),
+                columns_of(plane, row + y, x),
+            ]
+        };
+        let ([last, own, next], [last_scale, own_scale, next_scale]) = (trio(plane), trio(scale));
+        for i in 0..INSIDE {
+            let difference = next[i] - 2.0 * own[i] + last[i];
+            let (own, next, last) = (own_scale[i], next_scale[i], last_scale[i]);
             let square = 4.0 * own * own + next * next + last * last;
-            let term = if square > 0.0 {
-                difference * difference / square
+            let term = if ROBUST {
+                difference.abs() * reciprocal_sqrt(square)
             } else {
-                0.0
+                difference * difference / square
             };
-            terms[y][x] = if ROBUST { sqrt(term) } else { term };
+            let lit = square >= f32::MIN_POSITIVE;
+            terms[row + 1][i + 1] = if lit { term } else { 0.0 };
         }
     }
     terms

@@ -20,7 +20,7 @@
     reason = "the loops follow the indices of the formulas"
 )]
 
-use crate::columns::columns;
+use crate::columns::{columns, columns_of};
 use crate::float::reciprocal;
 use crate::prepare::{BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane};
 
@@ -289,13 +289,10 @@ fn distance_row<const N: usize>(
     }
 }
 
-/// The columns from `first` on of row `y`.
+/// A block's columns from `first` on, of row `y`.
 #[inline(always)]
 fn run<const W: usize>(plane: &[[f32; W]], y: usize, first: usize) -> &BlockRow {
-    match plane.get(y) {
-        Some(row) => columns(row, first),
-        None => const { &[0.0; BLOCK_COLUMNS] },
-    }
+    columns_of(plane, y, first)
 }
 
 /// `exp(-d)` for d above 0, as `(1 - d/8)^8`, from the sum of d + 1 over the patch.
