@@ -1,5 +1,7 @@
 //! The rows of the image that are in memory, as the core wants them.
 
+use std::ops::Range;
+
 use crate::row::{FEATURES, InputRow, RowLayout, VarianceKind};
 use crate::row_ring::RowRing;
 
@@ -31,6 +33,8 @@ pub(crate) struct GuideRow {
     missing: [bool; FEATURES],
     /// Variances of the features; empty if the image has no such feature.
     pub(crate) feature_variances: [Vec<f32>; FEATURES],
+    /// Columns outside which the feature has no variance.
+    noisy: [Range<usize>; FEATURES],
 }
 
 impl ColourRow {
@@ -84,6 +88,7 @@ impl GuideRow {
             variance: vec![0.0; width],
             features: std::array::from_fn(feature),
             missing: [false; FEATURES],
+            noisy: [const { 0..0 }; FEATURES],
             feature_variances: std::array::from_fn(feature),
         }
     }
@@ -133,6 +138,21 @@ impl GuideRow {
             *own_variance = if leaves { 0.0 } else { checked };
         }
         self.missing[k] = missing;
+        self.find_noise(k);
+    }
+
+    /// To be called when the variances of feature `k` have changed.
+    pub(crate) fn find_noise(&mut self, k: usize) {
+        let variances = &self.feature_variances[k];
+        let first = variances.iter().position(|v| *v > 0.0).unwrap_or(0);
+        let last = variances.iter().rposition(|v| *v > 0.0);
+        self.noisy[k] = first..last.map_or(first, |last| last + 1);
+    }
+
+    /// Whether feature `k` may have a variance in `columns`, or in the nearest ones of the image.
+    pub(crate) fn is_noisy(&self, k: usize, columns: &Range<usize>) -> bool {
+        let noisy = &self.noisy[k];
+        noisy.start < columns.end && columns.start < noisy.end
     }
 }
 
@@ -202,15 +222,43 @@ impl HeldRows {
 
     /// Feature `k` of row `y` from column `x` on, as [`Self::feature`] has it; zeros if the image has none.
     pub(crate) fn copy_feature(&self, k: usize, x: isize, y: isize, target: &mut [f32]) {
-        if !self.layout.features[k] {
-            return target.fill(0.0);
+        self.copy_present(k, y, target, |row, target| copy_clamped(row, x, target));
+        self.fill_missing(k, y, target, |i| x + i as isize);
+    }
+
+    /// The same, but with the image mirrored at its left and right.
+    pub(crate) fn copy_feature_mirrored(&self, k: usize, x: isize, y: isize, target: &mut [f32]) {
+        let width = self.layout.size.width();
+        self.copy_present(k, y, target, |row, target| copy_mirrored(row, x, target));
+        self.fill_missing(k, y, target, |i| mirrored(x + i as isize, width) as isize);
+    }
+
+    fn copy_present(
+        &self,
+        k: usize,
+        y: isize,
+        target: &mut [f32],
+        copy: impl Fn(&[f32], &mut [f32]),
+    ) {
+        if self.layout.features[k] {
+            copy(&self.guides(y).features[k], target);
+        } else {
+            target.fill(0.0);
         }
-        let source = self.guides(y);
-        copy_clamped(&source.features[k], x, target);
-        if source.missing[k] {
-            for (x, value) in (x..).zip(target) {
+    }
+
+    /// Fills in what is missing in a copy of row `y` whose i-th value is that of `column(i)`.
+    fn fill_missing(
+        &self,
+        k: usize,
+        y: isize,
+        target: &mut [f32],
+        column: impl Fn(usize) -> isize,
+    ) {
+        if self.guides(y).missing[k] {
+            for (i, value) in target.iter_mut().enumerate() {
                 if value.is_nan() {
-                    *value = self.feature(k, x, y);
+                    *value = self.feature(k, column(i), y);
                 }
             }
         }
@@ -273,4 +321,17 @@ pub(crate) fn copy_clamped(row: &[f32], position: isize, target: &mut [f32]) {
     let (middle, right) = rest.split_at_mut(inside);
     middle.copy_from_slice(&row[start..start + inside]);
     right.fill(row[row.len() - 1]);
+}
+
+/// The values of `row` from `position` on; beyond its ends, its mirror image (see [`mirrored`]).
+pub(crate) fn copy_mirrored(row: &[f32], position: isize, target: &mut [f32]) {
+    let inside = usize::try_from(position).ok();
+    match inside.and_then(|first| row.get(first..first + target.len())) {
+        Some(values) => target.copy_from_slice(values),
+        None => {
+            for (position, value) in (position..).zip(target) {
+                *value = row[mirrored(position, row.len())];
+            }
+        }
+    }
 }
