@@ -50,8 +50,9 @@ const STEADY_COLUMNS: usize = INPUT_COLUMNS - 2 * STEADY;
 /// Rows of weights, of pixels that lie above or in the block, and of distances for them.
 const WEIGHTS_HEIGHT: usize = BLOCK_HEIGHT + SEARCH;
 const DISTANCES_HEIGHT: usize = WEIGHTS_HEIGHT + 2 * PATCH;
-/// Columns of their rows: what is compared, and zeros for sums and registers that reach beyond.
-const PADDED: usize = BLOCK_COLUMNS + 2 * PATCH;
+/// Columns of their rows: what is compared, zeros for sums and registers that reach beyond, and more to end with a line of the cache.
+const PADDED: usize = 64;
+const _: () = assert!(BLOCK_COLUMNS + 2 * PATCH <= PADDED);
 // A block's pixels, the partners on one side of them, and patches: no more than what the registers hold.
 const _: () = assert!(BLOCK_WIDTH + SEARCH + 2 * PATCH <= BLOCK_COLUMNS);
 
@@ -83,6 +84,7 @@ impl<const N: usize> FeatureGroup<N> {
 
 /// A filtered group, and the variance that it has kept.
 #[derive(Clone, Debug, PartialEq)]
+#[repr(align(64))]
 pub struct FilteredGroup<const N: usize> {
     /// Features.
     pub value: [BlockPlane; N],
@@ -213,7 +215,8 @@ fn noise<const N: usize>(steady: &SteadyPlane, value: &[FeaturePlane; N]) -> Ste
     noise
 }
 
-/// The pairs of pixels that are a step apart.
+/// The pairs of pixels that are a step apart. Aligned, and so are its rows: half of what is read then lies in one line of the cache.
+#[repr(align(64))]
 struct Pairs {
     distances: [[f32; PADDED]; DISTANCES_HEIGHT],
     /// Sums of five distances side by side.

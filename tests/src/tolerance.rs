@@ -53,8 +53,8 @@ pub const ORTHONORMALITY: f64 = 64.0 * f32::EPSILON as f64;
 /// `V diag(s) V^T` against the matrix, relative to the largest eigenvalue: both of the above.
 pub const RECONSTRUCTION: f64 = 64.0 * f32::EPSILON as f64;
 
-/// A denoised frame at another exposure, relative to its brightest pixel: the local level is a mean of logarithms, so even a power of
-/// two is not exact. Seen: 4.4e-7.
+/// A denoised frame at an exposure that is no power of two, relative to its brightest pixel: radiances are rounded, and so is the local
+/// level, a mean of logarithms. Seen: 4.4e-7.
 pub const EXPOSURE: f64 = 4e-6;
 
 /// A denoised frame whose features are in another unit that is no power of two, relative to its brightest pixel: features are
