@@ -66,6 +66,10 @@ impl Memory {
 }
 
 /// A block and what becomes of it, one kind after another in the same place.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "its place is a static, or on the heap as a whole"
+)]
 enum Block {
     Nothing,
     Colours(ColourBlock, PreparedBlock),
