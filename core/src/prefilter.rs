@@ -102,7 +102,7 @@ impl<const N: usize> FilteredGroup<N> {
 
 /// Filters a block of a group; returns false, and copies, where the group has no variance at all.
 ///
-/// The stack holds some 30 KiB.
+/// The stack holds some 40 KiB.
 #[inline(always)]
 pub fn prefilter<const N: usize>(input: &FeatureGroup<N>, output: &mut FilteredGroup<N>) -> bool {
     begin(input, output);

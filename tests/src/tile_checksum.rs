@@ -51,7 +51,7 @@ fn features(x: usize, y: usize) -> [f32; FEATURES] {
     features
 }
 
-/// What the checksum works in: some 210 KiB, for a static or the heap.
+/// What the checksum works in: 200 KiB, for a static or the heap.
 pub struct Memory {
     tile: Tile<FEATURES>,
     block: Block,
