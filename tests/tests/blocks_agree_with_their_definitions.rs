@@ -60,48 +60,52 @@ fn colours() -> Box<ColourBlock> {
     block
 }
 
+/// Weight, variance and tolerance of the pixel at (x, y) of the input.
+fn prepared(input: &ColourBlock, x: usize, y: usize) -> [f64; 3] {
+    let mean = |x, y| mean_of_good(&input.luminance, &input.good, x, y);
+    let logs: Vec<f64> = (y - 9..=y + 9)
+        .flat_map(|y| (x - 9..=x + 9).map(move |x| (x, y)))
+        .map(|(x, y)| mean(x, y))
+        .filter(|mean| *mean > 0.0)
+        .map(f64::ln)
+        .collect();
+    let level = match logs.len() {
+        0 => 0.0,
+        count => (logs.iter().sum::<f64>() / count as f64).exp(),
+    };
+    let square = mean(x, y).powi(2);
+    let scale = square + 3.0 * level * level;
+    let good = f64::from(input.good[y][x]);
+    let variance = mean_of_good(&input.variance, &input.good, x, y);
+    let middle = median(&input.luminance, x, y);
+    let relative = variance / square.max(f64::from(f32::MIN_POSITIVE));
+    let spread = median(&input.variance, x, y)
+        .max(f64::from(input.variance[y][x]))
+        .max(relative * middle * middle);
+    [
+        if scale > 0.0 { good / scale } else { 0.0 },
+        variance,
+        spread + 3.0 * ((0.1 * middle).powi(2) + 1e-3 * scale),
+    ]
+}
+
 #[test]
 fn weights_variances_and_tolerances() {
     let input = colours();
     let mut output = Box::new(PreparedBlock::EMPTY);
     prepare(&input, &mut output);
     let mut black = 0;
-    for y in 0..BLOCK_HEIGHT {
-        for x in 0..BLOCK_WIDTH {
-            let (column, row) = (x + PREPARE_HALO, y + PREPARE_HALO);
-            let mean = |x, y| mean_of_good(&input.luminance, &input.good, x, y);
-            let logs: Vec<f64> = (row - 9..=row + 9)
-                .flat_map(|y| (column - 9..=column + 9).map(move |x| (x, y)))
-                .map(|(x, y)| mean(x, y))
-                .filter(|mean| *mean > 0.0)
-                .map(f64::ln)
-                .collect();
-            let level = (logs.iter().sum::<f64>() / logs.len().max(1) as f64).exp();
-            let level = if logs.is_empty() { 0.0 } else { level };
-            let square = mean(column, row).powi(2);
-            let scale = square + 3.0 * level * level;
-            let good = f64::from(input.good[row][column]);
-            let weight = if scale > 0.0 { good / scale } else { 0.0 };
-            let variance = mean_of_good(&input.variance, &input.good, column, row);
-            let middle = median(&input.luminance, column, row);
-            let relative = variance / square.max(f64::from(f32::MIN_POSITIVE));
-            let spread = median(&input.variance, column, row)
-                .max(f64::from(input.variance[row][column]))
-                .max(relative * middle * middle);
-            let tolerance = spread + 3.0 * ((0.1 * middle).powi(2) + 1e-3 * scale);
-            for (name, own, expected) in [
-                ("weight", output.weight[y][x], weight),
-                ("variance", output.variance[y][x], variance),
-                ("tolerance", output.tolerance[y][x], tolerance),
-            ] {
-                let own = f64::from(own);
-                assert!(
-                    close(own, expected, BLOCK * expected),
-                    "{name} {x} {y}: {own} {expected}"
-                );
-            }
-            black += usize::from(weight == 0.0);
+    for (y, x) in (0..BLOCK_HEIGHT).flat_map(|y| (0..BLOCK_WIDTH).map(move |x| (y, x))) {
+        let expected = prepared(&input, x + PREPARE_HALO, y + PREPARE_HALO);
+        let own = [&output.weight, &output.variance, &output.tolerance].map(|plane| plane[y][x]);
+        for (own, expected) in own.into_iter().zip(expected) {
+            let own = f64::from(own);
+            assert!(
+                close(own, expected, BLOCK * expected),
+                "{x} {y}: {own} {expected}"
+            );
         }
+        black += usize::from(expected[0] == 0.0);
     }
     assert!(black > 0 && black < BLOCK_WIDTH * BLOCK_HEIGHT / 2);
 }
@@ -159,6 +163,18 @@ impl Definition<'_> {
         }
         (1.0 - (sum / 25.0 - 1.0).max(0.0) / 8.0).max(0.0).powi(8)
     }
+
+    /// Feature `c` of a pixel, and the variance it keeps.
+    fn filtered(&self, p: (usize, usize), c: usize) -> (f64, f64) {
+        let (mut total, mut value, mut variance) = (0.0, 0.0, 0.0);
+        for q in (p.1 - 3..=p.1 + 3).flat_map(|y| (p.0 - 3..=p.0 + 3).map(move |x| (x, y))) {
+            let weight = self.weight(p, q);
+            total += weight;
+            value += weight * f64::from(self.0.value[c][q.1][q.0]);
+            variance += weight * weight * f64::from(self.0.variance[c][q.1][q.0]);
+        }
+        (value / total, variance / (total * total))
+    }
 }
 
 #[test]
@@ -168,40 +184,26 @@ fn filtered_features_and_the_variance_they_keep() {
     let mut output = Box::new(FilteredGroup::ZERO);
     assert!(prefilter(&input, &mut output));
     let (mut kept, mut filtered) = (0, 0);
-    for y in (0..BLOCK_HEIGHT).step_by(3) {
-        for x in 0..BLOCK_WIDTH {
-            let p = (x + PREFILTER_HALO, y + PREFILTER_HALO);
-            let mut sums = [[0.0; 3]; 2];
-            let mut total = 0.0;
-            for q in (p.1 - 3..=p.1 + 3).flat_map(|y| (p.0 - 3..=p.0 + 3).map(move |x| (x, y))) {
-                let weight = definition.weight(p, q);
-                total += weight;
-                for c in 0..3 {
-                    sums[0][c] += weight * f64::from(input.value[c][q.1][q.0]);
-                    sums[1][c] += weight * weight * f64::from(input.variance[c][q.1][q.0]);
-                }
-            }
-            let noisy = definition.steady(p.0, p.1) > 0.0;
-            for c in 0..3 {
-                let (value, variance) = (output.value[c][y][x], output.variance[c][y][x]);
-                if noisy {
-                    let expected = (sums[0][c] / total, sums[1][c] / (total * total));
-                    assert!(close(f64::from(value), expected.0, BLOCK), "{x} {y} {c}");
-                    let tolerance = BLOCK * expected.1;
-                    assert!(
-                        close(f64::from(variance), expected.1, tolerance),
-                        "{x} {y} {c}"
-                    );
-                    filtered += 1;
-                } else {
-                    assert_eq!(
-                        (value, variance),
-                        (input.value[c][p.1][p.0], 0.0),
-                        "{x} {y} {c}"
-                    );
-                    kept += 1;
-                }
-            }
+    for (y, x) in (0..BLOCK_HEIGHT).flat_map(|y| (0..BLOCK_WIDTH).map(move |x| (y, x))) {
+        let c = (x + y) % 3;
+        let p = (x + PREFILTER_HALO, y + PREFILTER_HALO);
+        let (value, variance) = (output.value[c][y][x], output.variance[c][y][x]);
+        if definition.steady(p.0, p.1) > 0.0 {
+            let expected = definition.filtered(p, c);
+            assert!(close(f64::from(value), expected.0, BLOCK), "{x} {y} {c}");
+            let tolerance = BLOCK * expected.1;
+            assert!(
+                close(f64::from(variance), expected.1, tolerance),
+                "{x} {y} {c}"
+            );
+            filtered += 1;
+        } else {
+            assert_eq!(
+                (value, variance),
+                (input.value[c][p.1][p.0], 0.0),
+                "{x} {y} {c}"
+            );
+            kept += 1;
         }
     }
     assert!(kept > 100 && filtered > 100);
