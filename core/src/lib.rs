@@ -8,6 +8,7 @@
 
 mod blend;
 mod cell;
+mod columns;
 mod dot;
 mod eigen;
 mod equations;
@@ -40,8 +41,8 @@ pub use normal::{Gram, NormalEquations, NotFinite, Solution};
 pub use params::{Formulas, Params, Quality};
 pub use prefilter::{FeatureGroup, FeaturePlane, FilteredGroup, PREFILTER_HALO, prefilter};
 pub use prepare::{
-    BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane, ColourBlock, ColourPlane, PREPARE_HALO, PreparedBlock,
-    prepare,
+    BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane, ColourBlock, ColourPlane, PREPARE_HALO,
+    PreparedBlock, prepare,
 };
 pub use prior::{CHANNELS, Prior};
 pub use rls::{Rls, Taken};

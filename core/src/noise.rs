@@ -18,9 +18,15 @@
 //! Noise of radiance is estimated relative to the radiance around, to which it is roughly proportional: otherwise a
 //! window would lend its noise to the dark wall around it.
 
-use crate::float::sqrt;
-use crate::median::median_3x3;
-use crate::prepare::{BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane};
+#![expect(
+    clippy::needless_range_loop,
+    reason = "the loops follow the indices of the formulas"
+)]
+
+use crate::columns::{columns, columns_of};
+use crate::float::reciprocal_sqrt;
+use crate::median::medians_3x3;
+use crate::prepare::{BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane};
 
 /// Pixels around a block that its estimates read: mean radiance, difference, and neighbourhood.
 pub const NOISE_HALO: usize = 1 + 1 + RADIANCE_RADIUS;
@@ -38,16 +44,16 @@ const ALBEDO_FLOOR: f32 = 0.3;
 /// Albedo below which radiance is not divided by it.
 const BLACK_ALBEDO: f32 = 0.01;
 /// Neighbours of exactly the same radiance from which on a pixel has no noise.
-const EQUAL_NEIGHBOURS: usize = 2;
+const EQUAL_NEIGHBOURS: u32 = 2;
 
-const INPUT_WIDTH: usize = BLOCK_WIDTH + 2 * NOISE_HALO;
+const INPUT_COLUMNS: usize = BLOCK_COLUMNS + 2 * NOISE_HALO;
 const INPUT_HEIGHT: usize = BLOCK_HEIGHT + 2 * NOISE_HALO;
 
-/// Steps of the four directions, to (x + dx, y + dy).
-const DIRECTIONS: [(isize, isize); 4] = [(1, 0), (0, 1), (1, 1), (1, -1)];
+/// Where the next pixel of each of the four directions lies in the 3 x 3 around one; the last one lies opposite.
+const DIRECTIONS: [(usize, usize); 4] = [(2, 1), (1, 2), (2, 2), (2, 0)];
 
 /// A plane of a block with its halo; beyond the image, its mirror image.
-pub type NoisePlane = [[f32; INPUT_WIDTH]; INPUT_HEIGHT];
+pub type NoisePlane = [[f32; INPUT_COLUMNS]; INPUT_HEIGHT];
 
 /// What the variances of a block are estimated from; all values finite.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,11 +67,11 @@ pub struct NoisyBlock {
 impl NoisyBlock {
     /// A black block.
     pub const BLACK: Self = Self {
-        colour: [[[0.0; INPUT_WIDTH]; INPUT_HEIGHT]; 3],
-        features: [[[0.0; INPUT_WIDTH]; INPUT_HEIGHT]; 7],
+        colour: [[[0.0; INPUT_COLUMNS]; INPUT_HEIGHT]; 3],
+        features: [[[0.0; INPUT_COLUMNS]; INPUT_HEIGHT]; 7],
     };
-    /// Columns of its planes.
-    pub const WIDTH: usize = INPUT_WIDTH;
+    /// Columns of its planes that are read, from the first; the others may hold any finite number.
+    pub const WIDTH: usize = BLOCK_WIDTH + 2 * NOISE_HALO;
     /// Rows of its planes.
     pub const HEIGHT: usize = INPUT_HEIGHT;
 }
@@ -82,8 +88,8 @@ pub struct NoiseBlock {
 impl NoiseBlock {
     /// No noise.
     pub const NONE: Self = Self {
-        colour: [[0.0; BLOCK_WIDTH]; BLOCK_HEIGHT],
-        features: [[[0.0; BLOCK_WIDTH]; BLOCK_HEIGHT]; 7],
+        colour: [[0.0; BLOCK_COLUMNS]; BLOCK_HEIGHT],
+        features: [[[0.0; BLOCK_COLUMNS]; BLOCK_HEIGHT]; 7],
     };
 }
 
@@ -104,7 +110,7 @@ pub fn estimate_feature_noise(input: &NoisyBlock, output: &mut NoiseBlock) {
     for k in ALBEDO..DEPTH {
         let texture = gradient(&input.features[k]);
         for y in 0..BLOCK_HEIGHT {
-            for x in 0..BLOCK_WIDTH {
+            for x in 0..BLOCK_COLUMNS {
                 let z = depth[y + NOISE_HALO][x + NOISE_HALO];
                 let jitter = depth_noise[y][x] / (slope[y][x] + 1e-9 * z * z + f32::MIN_POSITIVE);
                 let bound = JITTER_FACTOR * jitter * texture[y][x];
@@ -118,14 +124,14 @@ pub fn estimate_feature_noise(input: &NoisyBlock, output: &mut NoiseBlock) {
 /// Estimates the variances of a block of the mean radiance.
 #[inline(always)]
 pub fn estimate_colour_noise(input: &NoisyBlock, output: &mut NoiseBlock) {
-    output.colour = [[0.0; BLOCK_WIDTH]; BLOCK_HEIGHT];
+    output.colour = [[0.0; BLOCK_COLUMNS]; BLOCK_HEIGHT];
     for c in 0..3 {
         let colour = &input.colour[c];
         let albedo = &input.features[ALBEDO + c];
         let mut magnitude = *colour;
         let mut irradiance = *colour;
         for y in 0..INPUT_HEIGHT {
-            for x in 0..INPUT_WIDTH {
+            for x in 0..INPUT_COLUMNS {
                 magnitude[y][x] = colour[y][x].abs();
                 irradiance[y][x] = colour[y][x] / (albedo[y][x].abs() + BLACK_ALBEDO);
             }
@@ -133,37 +139,40 @@ pub fn estimate_colour_noise(input: &NoisyBlock, output: &mut NoiseBlock) {
         let relative = relative_noise(colour);
         let untextured = relative_noise(&irradiance);
         for y in 0..BLOCK_HEIGHT {
-            for x in 0..BLOCK_WIDTH {
-                let (row, column) = (y + NOISE_HALO, x + NOISE_HALO);
+            let row = |dy: usize| columns(&magnitude[y + NOISE_HALO - 1 + dy], NOISE_HALO - 1);
+            let medians: [f32; BLOCK_COLUMNS] =
+                medians_3x3::<{ BLOCK_COLUMNS + 2 }, BLOCK_COLUMNS>([row(0), row(1), row(2)]);
+            for x in 0..BLOCK_COLUMNS {
                 // The pixel's own radiance or the median of those around, not their mean: bright neighbours stay out.
-                let level = median_3x3(&magnitude, column, row).max(magnitude[row][column]);
+                let level = medians[x].max(magnitude[y + NOISE_HALO][x + NOISE_HALO]);
                 let noise = RADIANCE_FACTOR * relative[y][x].min(untextured[y][x]);
                 output.colour[y][x] += (noise + 1e-12) * level * level;
             }
         }
     }
     for y in 0..BLOCK_HEIGHT {
-        for x in 0..BLOCK_WIDTH {
-            if equal_neighbours(&input.colour, x + NOISE_HALO, y + NOISE_HALO) >= EQUAL_NEIGHBOURS {
+        let equal = equal_neighbours(&input.colour, y);
+        for x in 0..BLOCK_COLUMNS {
+            if equal[x] >= EQUAL_NEIGHBOURS {
                 output.colour[y][x] = 0.0;
             }
         }
     }
 }
 
-static UNIT: NoisePlane = [[1.0; INPUT_WIDTH]; INPUT_HEIGHT];
+static UNIT: NoisePlane = [[1.0; INPUT_COLUMNS]; INPUT_HEIGHT];
 
 /// Squared noise over squared radiance.
 #[inline(always)]
 fn relative_noise(plane: &NoisePlane) -> BlockPlane {
-    let mut scale = [[0.0; INPUT_WIDTH]; INPUT_HEIGHT];
+    let mut scale = [[0.0; INPUT_COLUMNS]; INPUT_HEIGHT];
     for y in 1..INPUT_HEIGHT - 1 {
-        for x in 1..INPUT_WIDTH - 1 {
-            let mut sum = 0.0;
-            for row in &plane[y - 1..=y + 1] {
-                sum += row[x - 1].abs() + row[x].abs() + row[x + 1].abs();
-            }
-            scale[y][x] = sum / 9.0;
+        let mut down = [0.0; INPUT_COLUMNS];
+        for x in 0..INPUT_COLUMNS {
+            down[x] = plane[y - 1][x].abs() + plane[y][x].abs() + plane[y + 1][x].abs();
+        }
+        for x in 1..INPUT_COLUMNS - 1 {
+            scale[y][x] = (down[x - 1] + down[x] + down[x + 1]) / 9.0;
         }
     }
     least_direction::<RADIANCE_RADIUS, true>(plane, &scale)
@@ -177,12 +186,12 @@ fn least_direction<const RADIUS: usize, const ROBUST: bool>(
     plane: &NoisePlane,
     scale: &NoisePlane,
 ) -> BlockPlane {
-    let mut least = [[f32::MAX; BLOCK_WIDTH]; BLOCK_HEIGHT];
+    let mut least = [[f32::MAX; BLOCK_COLUMNS]; BLOCK_HEIGHT];
     for direction in DIRECTIONS {
         let terms = second_differences::<ROBUST>(plane, scale, direction);
         let means = neighbourhood_means::<RADIUS>(&terms);
         for y in 0..BLOCK_HEIGHT {
-            for x in 0..BLOCK_WIDTH {
+            for x in 0..BLOCK_COLUMNS {
                 let mean = means[y][x];
                 // E|N| = sqrt(2 / pi).
                 let value = if ROBUST {
@@ -201,26 +210,35 @@ fn least_direction<const RADIUS: usize, const ROBUST: bool>(
     least
 }
 
+/// Squared second differences over the squared scale, or their roots; 0 along the border.
 #[inline(always)]
 fn second_differences<const ROBUST: bool>(
     plane: &NoisePlane,
     scale: &NoisePlane,
-    (dx, dy): (isize, isize),
+    (x, y): (usize, usize),
 ) -> NoisePlane {
-    let mut terms = [[0.0; INPUT_WIDTH]; INPUT_HEIGHT];
-    for y in 1..INPUT_HEIGHT - 1 {
-        let (before, after) = (y.wrapping_add_signed(-dy), y.wrapping_add_signed(dy));
-        for x in 1..INPUT_WIDTH - 1 {
-            let (left, right) = (x.wrapping_add_signed(-dx), x.wrapping_add_signed(dx));
-            let difference = plane[after][right] - 2.0 * plane[y][x] + plane[before][left];
-            let (own, next, last) = (scale[y][x], scale[after][right], scale[before][left]);
+    const INSIDE: usize = INPUT_COLUMNS - 2;
+    let mut terms = [[0.0; INPUT_COLUMNS]; INPUT_HEIGHT];
+    for row in 0..INPUT_HEIGHT - 2 {
+        let trio = |plane| -> [&[f32; INSIDE]; 3] {
+            [
+                columns_of(plane, row + 2 - y, 2 - x),
+                columns_of(plane, row + 1, 1),
+                columns_of(plane, row + y, x),
+            ]
+        };
+        let ([last, own, next], [last_scale, own_scale, next_scale]) = (trio(plane), trio(scale));
+        for i in 0..INSIDE {
+            let difference = next[i] - 2.0 * own[i] + last[i];
+            let (own, next, last) = (own_scale[i], next_scale[i], last_scale[i]);
             let square = 4.0 * own * own + next * next + last * last;
-            let term = if square > 0.0 {
-                difference * difference / square
+            let term = if ROBUST {
+                difference.abs() * reciprocal_sqrt(square)
             } else {
-                0.0
+                difference * difference / square
             };
-            terms[y][x] = if ROBUST { sqrt(term) } else { term };
+            let lit = square >= f32::MIN_POSITIVE;
+            terms[row + 1][i + 1] = if lit { term } else { 0.0 };
         }
     }
     terms
@@ -228,21 +246,25 @@ fn second_differences<const ROBUST: bool>(
 
 #[inline(always)]
 fn neighbourhood_means<const RADIUS: usize>(terms: &NoisePlane) -> BlockPlane {
-    let mut means = [[0.0; BLOCK_WIDTH]; BLOCK_HEIGHT];
-    let share = 1.0 / ((2 * RADIUS + 1) * (2 * RADIUS + 1)) as f32;
-    for (y, row) in means.iter_mut().enumerate() {
-        let mut columns = [0.0; INPUT_WIDTH];
-        for terms in &terms[y + NOISE_HALO - RADIUS..=y + NOISE_HALO + RADIUS] {
-            for (sum, term) in columns.iter_mut().zip(terms) {
-                *sum += term;
+    let span = 2 * RADIUS + 1;
+    let share = 1.0 / (span * span) as f32;
+    let mut down = [[0.0; INPUT_COLUMNS]; BLOCK_HEIGHT];
+    for y in 0..BLOCK_HEIGHT {
+        for dy in 0..span {
+            for x in 0..INPUT_COLUMNS {
+                down[y][x] += terms[y + NOISE_HALO - RADIUS + dy][x];
             }
         }
-        for (x, mean) in row.iter_mut().enumerate() {
-            let mut sum = 0.0;
-            for column in &columns[x + NOISE_HALO - RADIUS..=x + NOISE_HALO + RADIUS] {
-                sum += column;
+    }
+    let mut means = [[0.0; BLOCK_COLUMNS]; BLOCK_HEIGHT];
+    for y in 0..BLOCK_HEIGHT {
+        for dx in 0..span {
+            for x in 0..BLOCK_COLUMNS {
+                means[y][x] += down[y][x + NOISE_HALO - RADIUS + dx];
             }
-            *mean = sum * share;
+        }
+        for mean in &mut means[y] {
+            *mean *= share;
         }
     }
     means
@@ -251,9 +273,9 @@ fn neighbourhood_means<const RADIUS: usize>(terms: &NoisePlane) -> BlockPlane {
 /// Mean over 3 x 3 of the squared gradient, per pixel squared.
 #[inline(always)]
 fn gradient(plane: &NoisePlane) -> BlockPlane {
-    let mut squares = [[0.0; INPUT_WIDTH]; INPUT_HEIGHT];
+    let mut squares = [[0.0; INPUT_COLUMNS]; INPUT_HEIGHT];
     for y in 1..INPUT_HEIGHT - 1 {
-        for x in 1..INPUT_WIDTH - 1 {
+        for x in 1..INPUT_COLUMNS - 1 {
             let across = plane[y][x + 1] - plane[y][x - 1];
             let down = plane[y + 1][x] - plane[y - 1][x];
             squares[y][x] = 0.25 * (across * across + down * down);
@@ -262,15 +284,27 @@ fn gradient(plane: &NoisePlane) -> BlockPlane {
     neighbourhood_means::<1>(&squares)
 }
 
-/// How many of the eight pixels around (x, y) have exactly its radiance.
+/// How many of the eight pixels around those of row `y` of the block have exactly their radiance.
 #[inline(always)]
-fn equal_neighbours(colour: &[NoisePlane; 3], x: usize, y: usize) -> usize {
-    let mut count = 0;
-    for ny in y - 1..=y + 1 {
-        for nx in x - 1..=x + 1 {
-            let equal = colour.iter().all(|plane| plane[ny][nx] == plane[y][x]);
-            count += usize::from(equal && (nx, ny) != (x, y));
+fn equal_neighbours(colour: &[NoisePlane; 3], y: usize) -> [u32; BLOCK_COLUMNS] {
+    let own = colour
+        .each_ref()
+        .map(|plane| columns::<BLOCK_COLUMNS>(&plane[y + NOISE_HALO], NOISE_HALO));
+    // the pixel equals itself
+    let mut counts = [0u32.wrapping_sub(1); BLOCK_COLUMNS];
+    for dy in 0..3 {
+        for dx in 0..3 {
+            let other = colour.each_ref().map(|plane| {
+                columns::<BLOCK_COLUMNS>(&plane[y + NOISE_HALO - 1 + dy], NOISE_HALO - 1 + dx)
+            });
+            for x in 0..BLOCK_COLUMNS {
+                let mut equal = true;
+                for c in 0..3 {
+                    equal &= other[c][x] == own[c][x];
+                }
+                counts[x] = counts[x].wrapping_add(u32::from(equal));
+            }
         }
     }
-    count
+    counts
 }

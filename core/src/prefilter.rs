@@ -10,21 +10,28 @@
 //! ```
 //!
 //! with one ratio for the group rather than one per channel (a third of the divisions, the same error) and
-//! `exp(-d)` as `(1 - d/8)^8`, which ends.
+//! `exp(-d)` as `(1 - d/8)^8`, which ends. Both sides of a pair give it the same weight, so each pair is compared once.
+//!
+//! A pixel whose own surroundings have no variance is right already and stays as it is. What becomes of a pixel depends on the 7
+//! pixels around it alone, and not on where it lies in a block.
 
 #![expect(
     clippy::needless_range_loop,
     reason = "the loops follow the indices of the formulas"
 )]
 
-use crate::prepare::{BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane};
+use crate::columns::{columns, columns_of};
+use crate::float::reciprocal;
+use crate::prepare::{BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane};
 
 /// Half-width of the search.
 const SEARCH: usize = 3;
 /// Half-width of the patches that are compared.
 const PATCH: usize = 2;
+const PATCH_SPAN: usize = 2 * PATCH + 1;
 /// Half-width of the mean that steadies the variances: four samples estimate theirs badly.
 const STEADY: usize = 2;
+const STEADY_SPAN: usize = 2 * STEADY + 1;
 /// Pixels around a block that its prefilter reads.
 pub const PREFILTER_HALO: usize = SEARCH + PATCH + STEADY;
 
@@ -33,16 +40,26 @@ const ROUNDING: f32 = 1e-6;
 /// Distances are cut here, so that one pixel's does not rule out its neighbours for good.
 const LARGEST_DISTANCE: f32 = 1e3;
 
-const INPUT_WIDTH: usize = BLOCK_WIDTH + 2 * PREFILTER_HALO;
 const INPUT_HEIGHT: usize = BLOCK_HEIGHT + 2 * PREFILTER_HALO;
-const STEADY_WIDTH: usize = INPUT_WIDTH - 2 * STEADY;
-const STEADY_HEIGHT: usize = INPUT_HEIGHT - 2 * STEADY;
-const PATCHES_WIDTH: usize = BLOCK_WIDTH + 2 * PATCH;
-const PATCHES_HEIGHT: usize = BLOCK_HEIGHT + 2 * PATCH;
+/// Columns of the input: those that are read, and more for registers that reach beyond the block.
+const INPUT_COLUMNS: usize = BLOCK_COLUMNS + SEARCH + PREFILTER_HALO;
+/// Variances are steadied, and patches compared, up to here around a block.
+const MARGIN: usize = SEARCH + PATCH;
+const STEADY_HEIGHT: usize = BLOCK_HEIGHT + 2 * MARGIN;
+const STEADY_COLUMNS: usize = INPUT_COLUMNS - 2 * STEADY;
+/// Rows of weights, of pixels that lie above or in the block, and of distances for them.
+const WEIGHTS_HEIGHT: usize = BLOCK_HEIGHT + SEARCH;
+const DISTANCES_HEIGHT: usize = WEIGHTS_HEIGHT + 2 * PATCH;
+/// Columns of their rows: what is compared, zeros for sums and registers that reach beyond, and more to end with a line of the cache.
+const PADDED: usize = 64;
+const _: () = assert!(BLOCK_COLUMNS + 2 * PATCH <= PADDED);
+// A block's pixels, the partners on one side of them, and patches: no more than what the registers hold.
+const _: () = assert!(BLOCK_WIDTH + SEARCH + 2 * PATCH <= BLOCK_COLUMNS);
 
 /// A plane of a block with its halo; beyond the image, the nearest pixel of the image.
-pub type FeaturePlane = [[f32; INPUT_WIDTH]; INPUT_HEIGHT];
-type SteadyPlane = [[f32; STEADY_WIDTH]; STEADY_HEIGHT];
+pub type FeaturePlane = [[f32; INPUT_COLUMNS]; INPUT_HEIGHT];
+type BlockRow = [f32; BLOCK_COLUMNS];
+type SteadyPlane = [[f32; STEADY_COLUMNS]; STEADY_HEIGHT];
 
 /// A group of `N` features that belong together, with their variances.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,17 +73,18 @@ pub struct FeatureGroup<const N: usize> {
 impl<const N: usize> FeatureGroup<N> {
     /// A group of zeros.
     pub const ZERO: Self = Self {
-        value: [[[0.0; INPUT_WIDTH]; INPUT_HEIGHT]; N],
-        variance: [[[0.0; INPUT_WIDTH]; INPUT_HEIGHT]; N],
+        value: [[[0.0; INPUT_COLUMNS]; INPUT_HEIGHT]; N],
+        variance: [[[0.0; INPUT_COLUMNS]; INPUT_HEIGHT]; N],
     };
-    /// Columns of its planes.
-    pub const WIDTH: usize = INPUT_WIDTH;
+    /// Columns of its planes that are read, from the first; the others may hold any finite number.
+    pub const WIDTH: usize = BLOCK_WIDTH + 2 * PREFILTER_HALO;
     /// Rows of its planes.
     pub const HEIGHT: usize = INPUT_HEIGHT;
 }
 
 /// A filtered group, and the variance that it has kept.
 #[derive(Clone, Debug, PartialEq)]
+#[repr(align(64))]
 pub struct FilteredGroup<const N: usize> {
     /// Features.
     pub value: [BlockPlane; N],
@@ -77,206 +95,281 @@ pub struct FilteredGroup<const N: usize> {
 impl<const N: usize> FilteredGroup<N> {
     /// A group of zeros.
     pub const ZERO: Self = Self {
-        value: [[[0.0; BLOCK_WIDTH]; BLOCK_HEIGHT]; N],
-        variance: [[[0.0; BLOCK_WIDTH]; BLOCK_HEIGHT]; N],
+        value: [[[0.0; BLOCK_COLUMNS]; BLOCK_HEIGHT]; N],
+        variance: [[[0.0; BLOCK_COLUMNS]; BLOCK_HEIGHT]; N],
     };
 }
 
 /// Filters a block of a group; returns false, and copies, where the group has no variance at all.
 ///
-/// A pixel's result depends on the 7 pixels around it alone. The stack holds some 20 KiB.
+/// The stack holds some 40 KiB.
 #[inline(always)]
 pub fn prefilter<const N: usize>(input: &FeatureGroup<N>, output: &mut FilteredGroup<N>) -> bool {
+    begin(input, output);
     if !has_variance(input) {
-        copy(input, output);
         return false;
     }
     let steady = steady_variance(&input.variance);
-    let mut sums = Sums {
-        weight: [[0.0; BLOCK_WIDTH]; BLOCK_HEIGHT],
-    };
-    *output = FilteredGroup::ZERO;
-    for dy in 0..=2 * SEARCH {
-        for dx in 0..=2 * SEARCH {
-            let weights = patch_weights(&input.value, &steady, dx, dy);
-            sums.add(&weights, input, output, dx, dy);
+    let noise = noise(&steady, &input.value);
+    let mut sums = [[1.0; BLOCK_COLUMNS]; BLOCK_HEIGHT];
+    let mut pairs = Pairs::ZERO;
+    for dy in 0..=SEARCH {
+        let leftmost = if dy == 0 { SEARCH + 1 } else { 0 };
+        for column in leftmost..=2 * SEARCH {
+            let step = Step { column, dy };
+            pairs.compare(&input.value, &noise, step);
+            add_pairs(&pairs.weights, input, step, &mut sums, output);
         }
     }
-    sums.normalise(output);
+    normalise(&sums, &steady, input, output);
     true
+}
+
+/// From a pixel to its partner: `column - SEARCH` to the right and `dy` down.
+#[derive(Clone, Copy)]
+struct Step {
+    column: usize,
+    dy: usize,
+}
+
+impl Step {
+    /// Columns that the partner lies to the right, or 0.
+    #[inline(always)]
+    fn right(self) -> usize {
+        self.column.saturating_sub(SEARCH)
+    }
+
+    /// Columns that the partner lies to the left, or 0.
+    #[inline(always)]
+    fn left(self) -> usize {
+        SEARCH.saturating_sub(self.column)
+    }
 }
 
 #[inline(always)]
 fn has_variance<const N: usize>(input: &FeatureGroup<N>) -> bool {
-    let mut largest = 0.0f32;
-    for row in input.variance.iter().flatten() {
-        for value in row {
-            largest = largest.max(*value);
-        }
-    }
-    largest > 0.0
-}
-
-#[inline(always)]
-fn copy<const N: usize>(input: &FeatureGroup<N>, output: &mut FilteredGroup<N>) {
-    for (plane, values) in output.value.iter_mut().zip(&input.value) {
-        for y in 0..BLOCK_HEIGHT {
-            for x in 0..BLOCK_WIDTH {
-                plane[y][x] = values[y + PREFILTER_HALO][x + PREFILTER_HALO];
+    let mut some = false;
+    for plane in &input.variance {
+        for row in plane {
+            for x in 0..FeatureGroup::<N>::WIDTH {
+                some |= row[x] > 0.0;
             }
         }
     }
-    output.variance = [[[0.0; BLOCK_WIDTH]; BLOCK_HEIGHT]; N];
+    some
+}
+
+/// Every pixel with its own value, which has weight 1.
+#[inline(always)]
+fn begin<const N: usize>(input: &FeatureGroup<N>, output: &mut FilteredGroup<N>) {
+    for c in 0..N {
+        for y in 0..BLOCK_HEIGHT {
+            output.value[c][y] = *columns(&input.value[c][y + PREFILTER_HALO], PREFILTER_HALO);
+            output.variance[c][y] =
+                *columns(&input.variance[c][y + PREFILTER_HALO], PREFILTER_HALO);
+        }
+    }
 }
 
 /// Sum over the group of the variances' means over 5 x 5.
 #[inline(always)]
 fn steady_variance<const N: usize>(variance: &[FeaturePlane; N]) -> SteadyPlane {
-    const SPAN: usize = 2 * STEADY + 1;
-    let mut across = [[0.0; STEADY_WIDTH]; INPUT_HEIGHT];
+    let mut across = [[0.0; STEADY_COLUMNS]; INPUT_HEIGHT];
     for y in 0..INPUT_HEIGHT {
+        let mut sum = [0.0; INPUT_COLUMNS];
         for plane in variance {
-            for dx in 0..SPAN {
-                for x in 0..STEADY_WIDTH {
-                    across[y][x] += plane[y][x + dx];
-                }
+            for x in 0..INPUT_COLUMNS {
+                sum[x] += plane[y][x];
             }
+        }
+        for x in 0..STEADY_COLUMNS {
+            across[y][x] = (sum[x] + sum[x + 1]) + (sum[x + 2] + sum[x + 3]) + sum[x + 4];
         }
     }
-    let mut steady = [[0.0; STEADY_WIDTH]; STEADY_HEIGHT];
+    let mut steady = [[0.0; STEADY_COLUMNS]; STEADY_HEIGHT];
     for y in 0..STEADY_HEIGHT {
-        for dy in 0..SPAN {
-            for x in 0..STEADY_WIDTH {
-                steady[y][x] += across[y + dy][x];
-            }
-        }
-        for value in &mut steady[y] {
-            *value *= 1.0 / (SPAN * SPAN) as f32;
+        for x in 0..STEADY_COLUMNS {
+            let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|k| across[y + k][x]);
+            steady[y][x] = ((a + b) + (c + d) + e) * (1.0 / (STEADY_SPAN * STEADY_SPAN) as f32);
         }
     }
     steady
 }
 
-/// Weight of the pixel (dx - SEARCH, dy - SEARCH) away, for each pixel of the block.
+/// A pixel's part of what its distances are measured in; never 0.
 #[inline(always)]
-fn patch_weights<const N: usize>(
-    value: &[FeaturePlane; N],
-    steady: &SteadyPlane,
-    dx: usize,
-    dy: usize,
-) -> BlockPlane {
-    const SPAN: usize = 2 * PATCH + 1;
-    let mut across = [[0.0; BLOCK_WIDTH]; PATCHES_HEIGHT];
-    for (y, sums) in across.iter_mut().enumerate() {
-        let distances = distance_row(value, steady, y, dx, dy);
-        for k in 0..SPAN {
-            for x in 0..BLOCK_WIDTH {
-                sums[x] += distances[x + k];
+fn noise<const N: usize>(steady: &SteadyPlane, value: &[FeaturePlane; N]) -> SteadyPlane {
+    let mut noise = *steady;
+    for y in 0..STEADY_HEIGHT {
+        let mut square = [0.0; STEADY_COLUMNS];
+        for plane in value {
+            for x in 0..STEADY_COLUMNS {
+                let own = plane[y + STEADY][x + STEADY];
+                square[x] += own * own;
             }
         }
-    }
-    let mut weights = [[0.0; BLOCK_WIDTH]; BLOCK_HEIGHT];
-    for (y, row) in weights.iter_mut().enumerate() {
-        for k in 0..SPAN {
-            for x in 0..BLOCK_WIDTH {
-                row[x] += across[y + k][x];
-            }
-        }
-        for weight in row {
-            *weight = falloff(*weight * (1.0 / (SPAN * SPAN) as f32));
+        for x in 0..STEADY_COLUMNS {
+            noise[y][x] += 0.5 * ROUNDING * square[x] + f32::MIN_POSITIVE;
         }
     }
-    weights
+    noise
 }
 
-/// d of one row of pixels to those (dx - SEARCH, dy - SEARCH) away.
+/// The pairs of pixels that are a step apart. Aligned, and so are its rows: half of what is read then lies in one line of the cache.
+#[repr(align(64))]
+struct Pairs {
+    distances: [[f32; PADDED]; DISTANCES_HEIGHT],
+    /// Sums of five distances side by side.
+    across: [BlockRow; DISTANCES_HEIGHT],
+    /// The first row is of the pixels `dy` above the block, the first column of those `right()` to the left of it.
+    weights: [[f32; PADDED]; WEIGHTS_HEIGHT],
+}
+
+impl Pairs {
+    const ZERO: Self = Self {
+        distances: [[0.0; PADDED]; DISTANCES_HEIGHT],
+        across: [[0.0; BLOCK_COLUMNS]; DISTANCES_HEIGHT],
+        weights: [[0.0; PADDED]; WEIGHTS_HEIGHT],
+    };
+
+    #[inline(always)]
+    fn compare<const N: usize>(
+        &mut self,
+        value: &[FeaturePlane; N],
+        noise: &SteadyPlane,
+        step: Step,
+    ) {
+        let rows = BLOCK_HEIGHT + step.dy;
+        let read = rows + 2 * PATCH;
+        for (y, row) in self.distances.iter_mut().enumerate().take(read) {
+            distance_row(value, noise, y, step, row);
+        }
+        // A pass of its own: sums that read what was just written, at other columns, wait for it (measured: a quarter of all time).
+        for (sums, d) in self.across.iter_mut().zip(&self.distances).take(read) {
+            for x in 0..BLOCK_COLUMNS {
+                sums[x] = (d[x] + d[x + 1]) + (d[x + 2] + d[x + 3]) + d[x + 4];
+            }
+        }
+        let patches = self.across.windows(PATCH_SPAN);
+        for (row, sums) in self.weights.iter_mut().zip(patches).take(rows) {
+            let [a, b, c, d, e] = sums else { continue };
+            for x in 0..BLOCK_COLUMNS {
+                row[x] = falloff((a[x] + b[x]) + (c[x] + d[x]) + e[x]);
+            }
+        }
+    }
+}
+
+/// Squared differences over the noise, d + 1, of the `y`-th row of pixels that the patches of a step's pairs hold.
 #[inline(always)]
 fn distance_row<const N: usize>(
     value: &[FeaturePlane; N],
-    steady: &SteadyPlane,
+    noise: &SteadyPlane,
     y: usize,
-    dx: usize,
-    dy: usize,
-) -> [f32; PATCHES_WIDTH] {
-    let mut squared = [0.0; PATCHES_WIDTH];
-    let mut square = [0.0; PATCHES_WIDTH];
-    for plane in value {
-        let (here, there) = (&plane[y + SEARCH + STEADY], &plane[y + dy + STEADY]);
-        for x in 0..PATCHES_WIDTH {
-            let own = here[x + SEARCH + STEADY];
-            let difference = own - there[x + dx + STEADY];
-            squared[x] += difference * difference;
-            square[x] += own * own;
+    step: Step,
+    distances: &mut [f32; PADDED],
+) {
+    // In planes whose halo is MARGIN: the block's first patches begin SEARCH in, those of the pixels on the other side before it.
+    let (row, column) = (y + SEARCH - step.dy, SEARCH - step.right());
+    let partner = SEARCH - step.left();
+    let pairs = value.each_ref().map(|plane| {
+        let here = run(plane, row + STEADY, column + STEADY);
+        (here, run(plane, row + step.dy + STEADY, partner + STEADY))
+    });
+    let noises = (run(noise, row, column), run(noise, row + step.dy, partner));
+    for x in 0..BLOCK_COLUMNS {
+        let mut squared = 0.0;
+        for (here, there) in pairs {
+            let difference = here[x] - there[x];
+            squared += difference * difference;
         }
-    }
-    let (here, there) = (&steady[y + SEARCH], &steady[y + dy]);
-    let mut distance = [0.0; PATCHES_WIDTH];
-    for x in 0..PATCHES_WIDTH {
-        let noise = here[x + SEARCH] + there[x + dx] + ROUNDING * square[x] + f32::MIN_POSITIVE;
-        let ratio = (squared[x] - noise) / noise;
-        distance[x] = if ratio < LARGEST_DISTANCE {
+        let ratio = squared * reciprocal(noises.0[x] + noises.1[x]);
+        distances[x] = if ratio < LARGEST_DISTANCE {
             ratio
         } else {
             LARGEST_DISTANCE
         };
     }
-    distance
 }
 
-/// `exp(-d)` for d above 0, as `(1 - d/8)^8`.
+/// A block's columns from `first` on, of row `y`.
 #[inline(always)]
-fn falloff(distance: f32) -> f32 {
-    let beyond = if distance > 0.0 { distance } else { 0.0 };
-    let base = 1.0 - 0.125 * beyond;
+fn run<const W: usize>(plane: &[[f32; W]], y: usize, first: usize) -> &BlockRow {
+    columns_of(plane, y, first)
+}
+
+/// `exp(-d)` for d above 0, as `(1 - d/8)^8`, from the sum of d + 1 over the patch.
+#[inline(always)]
+fn falloff(sum: f32) -> f32 {
+    const SHARE: f32 = 0.125 / (PATCH_SPAN * PATCH_SPAN) as f32;
+    let base = 1.125 - SHARE * sum;
     let base = if base > 0.0 { base } else { 0.0 };
+    let base = if base < 1.0 { base } else { 1.0 };
     let squared = base * base;
     let fourth = squared * squared;
     fourth * fourth
 }
 
-struct Sums {
-    weight: BlockPlane,
-}
-
-impl Sums {
-    #[inline(always)]
-    fn add<const N: usize>(
-        &mut self,
-        weights: &BlockPlane,
-        input: &FeatureGroup<N>,
-        output: &mut FilteredGroup<N>,
-        dx: usize,
-        dy: usize,
-    ) {
-        const MARGIN: usize = PATCH + STEADY;
-        for y in 0..BLOCK_HEIGHT {
-            for x in 0..BLOCK_WIDTH {
-                self.weight[y][x] += weights[y][x];
-            }
-            for c in 0..N {
-                let (values, variances) = (
-                    &input.value[c][y + dy + MARGIN],
-                    &input.variance[c][y + dy + MARGIN],
-                );
-                for x in 0..BLOCK_WIDTH {
-                    let weight = weights[y][x];
-                    output.value[c][y][x] += weight * values[x + dx + MARGIN];
-                    output.variance[c][y][x] += weight * weight * variances[x + dx + MARGIN];
-                }
+/// Adds to every pixel its partners a step to one side and to the other.
+#[inline(always)]
+fn add_pairs<const N: usize>(
+    weights: &[[f32; PADDED]; WEIGHTS_HEIGHT],
+    input: &FeatureGroup<N>,
+    step: Step,
+    sums: &mut BlockPlane,
+    output: &mut FilteredGroup<N>,
+) {
+    let (below, above) = (PREFILTER_HALO + step.dy, PREFILTER_HALO - step.dy);
+    let ahead = PREFILTER_HALO + step.right() - step.left();
+    let back = PREFILTER_HALO + step.left() - step.right();
+    for y in 0..BLOCK_HEIGHT {
+        let forward = run(weights, y + step.dy, step.right());
+        let backward = run(weights, y, step.left());
+        for x in 0..BLOCK_COLUMNS {
+            sums[y][x] += forward[x] + backward[x];
+        }
+        for c in 0..N {
+            let values = (
+                run(&input.value[c], y + below, ahead),
+                run(&input.value[c], y + above, back),
+            );
+            let variances = (
+                run(&input.variance[c], y + below, ahead),
+                run(&input.variance[c], y + above, back),
+            );
+            let (value, variance) = (&mut output.value[c][y], &mut output.variance[c][y]);
+            for x in 0..BLOCK_COLUMNS {
+                let (f, b) = (forward[x], backward[x]);
+                value[x] += f * values.0[x] + b * values.1[x];
+                variance[x] += f * f * variances.0[x] + b * b * variances.1[x];
             }
         }
     }
+}
 
-    /// The pixel itself has weight 1 or nearly, so no sum is 0.
-    #[inline(always)]
-    fn normalise<const N: usize>(&self, output: &mut FilteredGroup<N>) {
+/// Divides by the weights' sums, and gives the pixels that have no noise themselves back.
+#[inline(always)]
+fn normalise<const N: usize>(
+    sums: &BlockPlane,
+    steady: &SteadyPlane,
+    input: &FeatureGroup<N>,
+    output: &mut FilteredGroup<N>,
+) {
+    for y in 0..BLOCK_HEIGHT {
+        let steady: &BlockRow = columns(&steady[y + MARGIN], MARGIN);
         for c in 0..N {
-            for y in 0..BLOCK_HEIGHT {
-                for x in 0..BLOCK_WIDTH {
-                    let weight = self.weight[y][x];
-                    output.value[c][y][x] /= weight;
-                    output.variance[c][y][x] /= weight * weight;
-                }
+            let own: &BlockRow = columns(&input.value[c][y + PREFILTER_HALO], PREFILTER_HALO);
+            for x in 0..BLOCK_COLUMNS {
+                let share = 1.0 / sums[y][x];
+                let noisy = steady[x] > 0.0;
+                let value = &mut output.value[c][y][x];
+                *value = if noisy { *value * share } else { own[x] };
+                let variance = &mut output.variance[c][y][x];
+                *variance = if noisy {
+                    *variance * share * share
+                } else {
+                    0.0
+                };
             }
         }
     }

@@ -1,24 +1,30 @@
 //! What a fit wants to know of each pixel: its weight, its smoothed variance, and how far a prediction may be from it.
 //!
-//! Worked out in blocks, each from the colours and variances around it, so that any block gives the same bits.
+//! Worked out in blocks, each from the colours and variances around it. A pixel's bits depend on what is around it and
+//! not on where it lies in a block: sums of floats are those of fixed neighbours in a fixed order, and those over 19 x 19 pixels, which
+//! slide, are sums of integers.
 
 #![expect(
     clippy::needless_range_loop,
     reason = "the loops follow the indices of the formulas"
 )]
 
-use crate::float::{exp, ln};
-use crate::median::median_3x3;
+use crate::columns::columns;
+use crate::float::{exp2_parts, log2_parts, round_to_u32};
+use crate::median::medians_3x3;
 
-/// Columns of a block.
-pub const BLOCK_WIDTH: usize = 28;
+/// Columns of a block: with those around it that the prefilter compares, [`BLOCK_COLUMNS`].
+pub const BLOCK_WIDTH: usize = 41;
 /// Rows of a block.
 pub const BLOCK_HEIGHT: usize = 19;
+/// Columns of a block's planes, which fill registers of 4, 8 or 16 floats; those from [`BLOCK_WIDTH`] on hold nothing of use.
+pub const BLOCK_COLUMNS: usize = 48;
 /// Pixels around a block that its weights read: the level's half-width, and one more for the mean below it.
 pub const PREPARE_HALO: usize = LEVEL_RADIUS + 1;
 
 /// Half-width of the neighbourhood whose geometric mean is the local level.
 const LEVEL_RADIUS: usize = 9;
+const LEVEL_SPAN: usize = 2 * LEVEL_RADIUS + 1;
 /// Weight of the squared local level beside a pixel's own squared radiance (measured: 1 to 10 alike).
 const LEVEL_SHARE: f32 = 3.0;
 /// Relative error below which a prediction never disagrees with a pixel.
@@ -26,17 +32,20 @@ const RELATIVE_TOLERANCE: f32 = 0.1;
 /// The same for the pixel's weight, as a part of 1 / weight.
 const LEVEL_TOLERANCE: f32 = 1e-3;
 
-const INPUT_WIDTH: usize = BLOCK_WIDTH + 2 * PREPARE_HALO;
 const INPUT_HEIGHT: usize = BLOCK_HEIGHT + 2 * PREPARE_HALO;
 /// Means over 3 x 3 pixels reach one pixel less far than their input.
-const MEAN_WIDTH: usize = INPUT_WIDTH - 2;
 const MEAN_HEIGHT: usize = INPUT_HEIGHT - 2;
+/// Columns of the means: those that are read, and more to fill registers.
+const MEAN_COLUMNS: usize = 64;
+const INPUT_COLUMNS: usize = MEAN_COLUMNS + 2;
+const _: () = assert!(ColourBlock::WIDTH <= INPUT_COLUMNS);
 
 /// A plane of a block with its halo; beyond the image, the nearest pixel of the image.
-pub type ColourPlane = [[f32; INPUT_WIDTH]; INPUT_HEIGHT];
+pub type ColourPlane = [[f32; INPUT_COLUMNS]; INPUT_HEIGHT];
 /// A plane of a block.
-pub type BlockPlane = [[f32; BLOCK_WIDTH]; BLOCK_HEIGHT];
-type MeanPlane = [[f32; MEAN_WIDTH]; MEAN_HEIGHT];
+pub type BlockPlane = [[f32; BLOCK_COLUMNS]; BLOCK_HEIGHT];
+type BlockRow = [f32; BLOCK_COLUMNS];
+type MeanRow = [f32; MEAN_COLUMNS];
 
 /// What a block's weights are made of.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,12 +61,12 @@ pub struct ColourBlock {
 impl ColourBlock {
     /// A black block.
     pub const BLACK: Self = Self {
-        luminance: [[0.0; INPUT_WIDTH]; INPUT_HEIGHT],
-        variance: [[0.0; INPUT_WIDTH]; INPUT_HEIGHT],
-        good: [[0.0; INPUT_WIDTH]; INPUT_HEIGHT],
+        luminance: [[0.0; INPUT_COLUMNS]; INPUT_HEIGHT],
+        variance: [[0.0; INPUT_COLUMNS]; INPUT_HEIGHT],
+        good: [[0.0; INPUT_COLUMNS]; INPUT_HEIGHT],
     };
-    /// Columns of its planes.
-    pub const WIDTH: usize = INPUT_WIDTH;
+    /// Columns of its planes that are read, from the first; the others may hold any finite number.
+    pub const WIDTH: usize = BLOCK_WIDTH + 2 * PREPARE_HALO;
     /// Rows of its planes.
     pub const HEIGHT: usize = INPUT_HEIGHT;
 }
@@ -81,96 +90,215 @@ pub struct PreparedBlock {
 impl PreparedBlock {
     /// A block that no fit reads.
     pub const EMPTY: Self = Self {
-        weight: [[0.0; BLOCK_WIDTH]; BLOCK_HEIGHT],
-        variance: [[0.0; BLOCK_WIDTH]; BLOCK_HEIGHT],
-        tolerance: [[0.0; BLOCK_WIDTH]; BLOCK_HEIGHT],
+        weight: [[0.0; BLOCK_COLUMNS]; BLOCK_HEIGHT],
+        variance: [[0.0; BLOCK_COLUMNS]; BLOCK_HEIGHT],
+        tolerance: [[0.0; BLOCK_COLUMNS]; BLOCK_HEIGHT],
     };
 }
 
-/// Works out a block. The stack holds some 30 KiB.
+/// Works out a block. The stack holds some 25 KiB.
 #[inline(always)]
 pub fn prepare(input: &ColourBlock, output: &mut PreparedBlock) {
-    let luminance = mean_3x3(&input.luminance, &input.good);
-    let variance = mean_3x3(&input.variance, &input.good);
-    let level = geometric_mean(&luminance);
-    for y in 0..BLOCK_HEIGHT {
-        for x in 0..BLOCK_WIDTH {
-            let (row, column) = (y + PREPARE_HALO, x + PREPARE_HALO);
-            let mean = luminance[row - 1][column - 1];
-            let scale = mean * mean + LEVEL_SHARE * level[y][x] * level[y][x];
-            let usable = scale > f32::MIN_POSITIVE && scale.is_finite();
-            output.weight[y][x] = if usable {
-                input.good[row][column] / scale
-            } else {
-                0.0
-            };
-            output.variance[y][x] = variance[row - 1][column - 1];
-            let median = median_3x3(&input.luminance, column, row);
-            // The noise around, relative to the radiance around: beside a bright edge its mean alone would excuse anything.
-            let noise = variance[row - 1][column - 1] / (mean * mean).max(f32::MIN_POSITIVE)
-                * median
-                * median;
-            let spread = median_3x3(&input.variance, column, row)
-                .max(input.variance[row][column])
-                .max(noise);
-            let radiance = RELATIVE_TOLERANCE * median;
-            output.tolerance[y][x] = spread + 3.0 * (radiance * radiance + LEVEL_TOLERANCE * scale);
+    let mut logs = [LogRow::ZERO; MEAN_HEIGHT];
+    // The mean luminance of the block itself, which begins where the first level is in the middle of its neighbourhood.
+    let mut means = [[0.0; BLOCK_COLUMNS]; BLOCK_HEIGHT];
+    for y in 0..MEAN_HEIGHT {
+        let shares = shares_3x3(&input.good, y);
+        let mean = means_3x3(&input.luminance, y, &shares);
+        logs[y] = log_row(&mean);
+        if (LEVEL_RADIUS..LEVEL_RADIUS + BLOCK_HEIGHT).contains(&y) {
+            means[y - LEVEL_RADIUS] = *columns(&mean, LEVEL_RADIUS);
         }
+    }
+    let mut sums = LogRow::ZERO;
+    for y in 0..LEVEL_SPAN - 1 {
+        sums.add(&logs[y]);
+    }
+    for y in 0..BLOCK_HEIGHT {
+        sums.add(&logs[y + LEVEL_SPAN - 1]);
+        let level = geometric_means(&sums);
+        sums.subtract(&logs[y]);
+        prepare_row(input, y, &means[y], &level, output);
     }
 }
 
-/// Mean over the good pixels of 3 x 3, 0 where there is none.
+/// Row `y` of the block, from its mean luminance and its local level.
 #[inline(always)]
-fn mean_3x3(values: &ColourPlane, good: &ColourPlane) -> MeanPlane {
-    let mut means = [[0.0; MEAN_WIDTH]; MEAN_HEIGHT];
-    for (y, row) in means.iter_mut().enumerate() {
-        for (x, mean) in row.iter_mut().enumerate() {
-            let (mut sum, mut count) = (0.0, 0.0);
-            for dy in 0..3 {
-                for dx in 0..3 {
-                    sum += values[y + dy][x + dx];
-                    count += good[y + dy][x + dx];
-                }
-            }
-            *mean = if count > 0.0 { sum / count } else { 0.0 };
-        }
+fn prepare_row(
+    input: &ColourBlock,
+    y: usize,
+    means: &BlockRow,
+    level: &BlockRow,
+    output: &mut PreparedBlock,
+) {
+    let shares = shares_3x3(&input.good, y + LEVEL_RADIUS);
+    let variances = means_3x3(&input.variance, y + LEVEL_RADIUS, &shares);
+    let variances: &BlockRow = columns(&variances, LEVEL_RADIUS);
+    let luminance = medians(&input.luminance, y);
+    let spreads = medians(&input.variance, y);
+    let own: &BlockRow = columns(&input.variance[y + PREPARE_HALO], PREPARE_HALO);
+    let good: &BlockRow = columns(&input.good[y + PREPARE_HALO], PREPARE_HALO);
+    let weights = &mut output.weight[y];
+    let tolerances = &mut output.tolerance[y];
+    for x in 0..BLOCK_COLUMNS {
+        let square = means[x] * means[x];
+        let scale = square + LEVEL_SHARE * level[x] * level[x];
+        let usable = scale > f32::MIN_POSITIVE && scale <= f32::MAX;
+        weights[x] = if usable { good[x] / scale } else { 0.0 };
+        // The noise around, relative to the radiance around: beside a bright edge its mean alone would excuse anything.
+        let median = luminance[x];
+        let noise = variances[x] / larger(square, f32::MIN_POSITIVE) * median * median;
+        let spread = larger(larger(spreads[x], own[x]), noise);
+        let radiance = RELATIVE_TOLERANCE * median;
+        tolerances[x] = spread + 3.0 * (radiance * radiance + LEVEL_TOLERANCE * scale);
+    }
+    output.variance[y] = *variances;
+}
+
+/// Not `f32::max`, whose care for NaN costs.
+#[inline(always)]
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// Medians of the 3 x 3 pixels around those of row `y` of the block.
+#[inline(always)]
+fn medians(plane: &ColourPlane, y: usize) -> BlockRow {
+    let row = |dy: usize| columns(&plane[y + PREPARE_HALO - 1 + dy], PREPARE_HALO - 1);
+    medians_3x3::<{ BLOCK_COLUMNS + 2 }, BLOCK_COLUMNS>([row(0), row(1), row(2)])
+}
+
+/// Sums over the 3 x 3 pixels whose first row is `y`.
+#[inline(always)]
+fn sums_3x3(plane: &ColourPlane, y: usize) -> MeanRow {
+    let mut down = [0.0; INPUT_COLUMNS];
+    for x in 0..INPUT_COLUMNS {
+        down[x] = plane[y][x] + plane[y + 1][x] + plane[y + 2][x];
+    }
+    let mut sums = [0.0; MEAN_COLUMNS];
+    for x in 0..MEAN_COLUMNS {
+        sums[x] = down[x] + down[x + 1] + down[x + 2];
+    }
+    sums
+}
+
+/// One over the number of good pixels of 3 x 3.
+#[inline(always)]
+fn shares_3x3(good: &ColourPlane, y: usize) -> MeanRow {
+    sums_3x3(good, y).map(|count| 1.0 / larger(count, 1.0))
+}
+
+/// Means over the good pixels of 3 x 3, 0 where there is none.
+#[inline(always)]
+fn means_3x3(plane: &ColourPlane, y: usize, shares: &MeanRow) -> MeanRow {
+    let mut means = sums_3x3(plane, y);
+    for x in 0..MEAN_COLUMNS {
+        means[x] *= shares[x];
     }
     means
 }
 
-/// Geometric mean over 19 x 19 of what is above 0, 0 where nothing is.
-#[inline(always)]
-fn geometric_mean(luminance: &MeanPlane) -> BlockPlane {
-    const SPAN: usize = 2 * LEVEL_RADIUS + 1;
-    let mut sums = [[0.0f32; BLOCK_WIDTH]; MEAN_HEIGHT];
-    let mut counts = [[0.0f32; BLOCK_WIDTH]; MEAN_HEIGHT];
-    for (y, row) in luminance.iter().enumerate() {
-        let lit = row.map(|v| if v > 0.0 { 1.0 } else { 0.0 });
-        let logs = row.map(|v| if v > 0.0 { ln(v) } else { 0.0 });
-        for dx in 0..SPAN {
-            for x in 0..BLOCK_WIDTH {
-                sums[y][x] += logs[x + dx];
-                counts[y][x] += lit[x + dx];
-            }
+/// Binary logarithms of the lit pixels of a row, summed over the neighbourhood of each column: as integers, so that sums may slide.
+#[derive(Clone, Copy)]
+struct LogRow {
+    /// Pixels, in units of [`ONE_PIXEL`], and their biased exponents.
+    exponent: [u32; BLOCK_COLUMNS],
+    /// Logarithms of their fractions, in units of 1 / [`LOG_UNITS`].
+    fraction: [u32; BLOCK_COLUMNS],
+}
+
+/// More than the exponents of 361 floats add up to.
+const ONE_PIXEL: u32 = 1 << 20;
+/// A neighbourhood's 361 stay below 2^30.
+const LOG_UNITS: f32 = (1 << 21) as f32;
+
+impl LogRow {
+    const ZERO: Self = Self {
+        exponent: [0; BLOCK_COLUMNS],
+        fraction: [0; BLOCK_COLUMNS],
+    };
+
+    #[inline(always)]
+    fn add(&mut self, other: &Self) {
+        for x in 0..BLOCK_COLUMNS {
+            self.exponent[x] = self.exponent[x].wrapping_add(other.exponent[x]);
+            self.fraction[x] = self.fraction[x].wrapping_add(other.fraction[x]);
         }
     }
-    let mut means = [[0.0; BLOCK_WIDTH]; BLOCK_HEIGHT];
-    for (y, row) in means.iter_mut().enumerate() {
-        let mut sum = [0.0; BLOCK_WIDTH];
-        let mut count = [0.0; BLOCK_WIDTH];
-        for dy in 0..SPAN {
-            for x in 0..BLOCK_WIDTH {
-                sum[x] += sums[y + dy][x];
-                count[x] += counts[y + dy][x];
-            }
+
+    #[inline(always)]
+    fn subtract(&mut self, other: &Self) {
+        for x in 0..BLOCK_COLUMNS {
+            self.exponent[x] = self.exponent[x].wrapping_sub(other.exponent[x]);
+            self.fraction[x] = self.fraction[x].wrapping_sub(other.fraction[x]);
         }
-        for x in 0..BLOCK_WIDTH {
-            row[x] = if count[x] > 0.0 {
-                exp(sum[x] / count[x])
-            } else {
-                0.0
-            };
-        }
+    }
+}
+
+#[inline(always)]
+fn log_row(luminance: &MeanRow) -> LogRow {
+    let mut exponents = [0; LOG_COLUMNS];
+    let mut fractions = [0; LOG_COLUMNS];
+    for x in 0..MEAN_COLUMNS {
+        let (exponent, fraction) = log2_parts(luminance[x]);
+        let lit = luminance[x] >= f32::MIN_POSITIVE;
+        exponents[x] = if lit { ONE_PIXEL | exponent } else { 0 };
+        fractions[x] = if lit {
+            round_to_u32(LOG_UNITS * fraction)
+        } else {
+            0
+        };
+    }
+    LogRow {
+        exponent: sums_of_19(&exponents),
+        fraction: sums_of_19(&fractions),
+    }
+}
+
+/// [`MEAN_COLUMNS`], and zeros for the sums of columns beyond the block.
+const LOG_COLUMNS: usize = BLOCK_COLUMNS + 2 * LEVEL_RADIUS;
+
+/// Sums of columns x to x + 18, by way of those of 3 and 9.
+#[inline(always)]
+fn sums_of_19(values: &[u32; LOG_COLUMNS]) -> [u32; BLOCK_COLUMNS] {
+    const _: () = assert!(LEVEL_SPAN == 3 * 3 * 2 + 1);
+    let mut threes = [0u32; BLOCK_COLUMNS + 15];
+    for x in 0..BLOCK_COLUMNS + 15 {
+        threes[x] = values[x]
+            .wrapping_add(values[x + 1])
+            .wrapping_add(values[x + 2]);
+    }
+    let mut nines = [0u32; BLOCK_COLUMNS + 9];
+    for x in 0..BLOCK_COLUMNS + 9 {
+        nines[x] = threes[x]
+            .wrapping_add(threes[x + 3])
+            .wrapping_add(threes[x + 6]);
+    }
+    let mut sums = [0u32; BLOCK_COLUMNS];
+    for x in 0..BLOCK_COLUMNS {
+        sums[x] = nines[x]
+            .wrapping_add(nines[x + 9])
+            .wrapping_add(values[x + 18]);
+    }
+    sums
+}
+
+/// Geometric means over the lit pixels whose logarithms were added up, 0 where there is none.
+///
+/// The whole part of the mean exponent is taken out exactly, so a power of two as a factor of all pixels is one of their mean, exactly.
+#[inline(always)]
+fn geometric_means(sums: &LogRow) -> BlockRow {
+    let mut means = [0.0; BLOCK_COLUMNS];
+    for x in 0..BLOCK_COLUMNS {
+        let pixels = (sums.exponent[x] / ONE_PIXEL) as i32 as f32;
+        let exponents = (sums.exponent[x] % ONE_PIXEL) as i32 as f32;
+        let fractions = sums.fraction[x] as i32 as f32;
+        let share = 1.0 / larger(pixels, 1.0);
+        // Half a pixel more keeps rounding away from whole numbers; half a unit less turns rounding into rounding down.
+        let whole = round_to_u32((exponents + 0.5) * share - 0.5);
+        let rest = exponents - whole as i32 as f32 * pixels;
+        let mean = exp2_parts(whole, (rest + fractions * (1.0 / LOG_UNITS)) * share);
+        means[x] = if pixels > 0.0 { mean } else { 0.0 };
     }
     means
 }

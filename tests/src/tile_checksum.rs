@@ -2,10 +2,14 @@
 //! bare Cortex-M7 by the firmware, which includes this file, so it knows neither allocation nor the standard library.
 
 use half::f16;
-use linpred_core::{NormalEquations, Prior, Rls, SymmetricEigen};
+use linpred_core::{
+    BLOCK_HEIGHT, BLOCK_WIDTH, ColourBlock, FeatureGroup, FilteredGroup, NormalEquations,
+    PREFILTER_HALO, PREPARE_HALO, PixelState, PreparedBlock, Prior, Rls, SymmetricEigen, TILE,
+    Tile, prefilter, prepare,
+};
 
 /// Pixels along a side of the tile.
-const SIDE: usize = 37;
+const SIDE: usize = TILE;
 /// Half-width of the window.
 const RADIUS: usize = 9;
 /// Features: position, albedo, normal, depth.
@@ -17,14 +21,20 @@ const FEATURE_PLANES: [usize; 7] = [6, 7, 8, 12, 13, 14, 18];
 
 /// 37 x 37 pixels of courtyard at 16 samples from (104, 88), path traced with Mitsuba 3.9.1; `make_tile.py` beside it
 /// says which plane is what.
-static TILE: &[u8; 2 * 20 * SIDE * SIDE] = include_bytes!("../firmware/tile.f16");
+static PLANES: &[u8; 2 * 20 * SIDE * SIDE] = include_bytes!("../firmware/tile.f16");
 
 fn value(plane: usize, x: usize, y: usize) -> f32 {
     let at = 2 * ((plane * SIDE + y) * SIDE + x);
-    match TILE.get(at..at + 2) {
+    match PLANES.get(at..at + 2) {
         Some(&[low, high]) => f16::from_le_bytes([low, high]).to_f32(),
         _ => 0.0,
     }
+}
+
+/// The same at the nearest pixel of the tile, for a position that may lie around it.
+fn nearest_value(plane: usize, x: isize, y: isize) -> f32 {
+    let inside = |position: isize| position.clamp(0, SIDE as isize - 1) as usize;
+    value(plane, inside(x), inside(y))
 }
 
 fn radiance(x: usize, y: usize) -> [f32; 3] {
@@ -41,15 +51,153 @@ fn features(x: usize, y: usize) -> [f32; FEATURES] {
     features
 }
 
-/// FNV-1a (Fowler, Noll, Vo) over the bits of every fitted value, leverage and ring-end model of the windows around nine centres.
-pub fn checksum_of_tile() -> u32 {
+/// What the checksum works in: 200 KiB, for a static or the heap.
+pub struct Memory {
+    tile: Tile<FEATURES>,
+    block: Block,
+}
+
+impl Memory {
+    /// Memory for the checksum.
+    pub const EMPTY: Self = Self {
+        tile: Tile::EMPTY,
+        block: Block::Nothing,
+    };
+}
+
+/// A block and what becomes of it, one kind after another in the same place.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "its place is a static, or on the heap as a whole"
+)]
+enum Block {
+    Nothing,
+    Colours(ColourBlock, PreparedBlock),
+    Triple(FeatureGroup<3>, FilteredGroup<3>),
+    Single(FeatureGroup<1>, FilteredGroup<1>),
+}
+
+/// FNV-1a (Fowler, Noll, Vo) over the bits of every fitted value, leverage and ring-end model of the windows around nine centres, and over
+/// the tile as it is prepared for the cell in its middle.
+pub fn checksum_of_tile(memory: &mut Memory) -> u32 {
     let mut hash = 0x811c_9dc5;
     for y in [RADIUS, SIDE / 2, SIDE - 1 - RADIUS] {
         for x in [RADIUS, SIDE / 2, SIDE - 1 - RADIUS] {
             fold_window(x, y, &mut hash);
         }
     }
+    load_tile(memory);
+    for pixel in &memory.tile.pixels {
+        fold(&pixel.features, &mut hash);
+        fold(&pixel.feature_variance, &mut hash);
+        fold(&pixel.colour, &mut hash);
+        fold(&[pixel.weight, pixel.variance, pixel.tolerance], &mut hash);
+    }
     hash
+}
+
+/// The tile with its weights and its filtered features, as if it were an image of its own.
+fn load_tile(memory: &mut Memory) {
+    let Memory { tile, block } = memory;
+    for (i, pixel) in tile.pixels.iter_mut().enumerate() {
+        let (x, y) = (i % TILE, i / TILE);
+        pixel.features[0] = x as f32;
+        pixel.features[1] = y as f32;
+        pixel.colour = radiance(x, y);
+    }
+    for y in (0..TILE).step_by(BLOCK_HEIGHT) {
+        for x in (0..TILE).step_by(BLOCK_WIDTH) {
+            *block = Block::Colours(ColourBlock::BLACK, PreparedBlock::EMPTY);
+            if let Block::Colours(input, output) = block {
+                load_colours(input, x, y);
+                prepare(input, output);
+                store_prepared(output, tile, x, y);
+            }
+            for (plane, feature) in [(6, 2), (12, 5)] {
+                *block = Block::Triple(FeatureGroup::ZERO, FilteredGroup::ZERO);
+                if let Block::Triple(input, output) = block {
+                    filter_group(input, output, plane, tile, feature, x, y);
+                }
+            }
+            *block = Block::Single(FeatureGroup::ZERO, FilteredGroup::ZERO);
+            if let Block::Single(input, output) = block {
+                filter_group(input, output, 18, tile, 8, x, y);
+            }
+        }
+    }
+}
+
+fn load_colours(block: &mut ColourBlock, x: usize, y: usize) {
+    for row in 0..ColourBlock::HEIGHT {
+        for column in 0..ColourBlock::WIDTH {
+            let x = (x + column) as isize - PREPARE_HALO as isize;
+            let y = (y + row) as isize - PREPARE_HALO as isize;
+            let [r, g, b] = [0, 1, 2].map(|plane| nearest_value(plane, x, y).abs() / 3.0);
+            block.luminance[row][column] = r + g + b;
+            let [r, g, b] = [3, 4, 5].map(|plane| nearest_value(plane, x, y));
+            block.variance[row][column] = r + g + b;
+            block.good[row][column] = 1.0;
+        }
+    }
+}
+
+/// Calls for the pixels of the tile that lie in the block at (x, y), with their row and column of the block.
+fn for_block(
+    tile: &mut Tile<FEATURES>,
+    x: usize,
+    y: usize,
+    mut pixel: impl FnMut(&mut linpred_core::Pixel<FEATURES>, usize, usize),
+) {
+    let rows = tile.pixels.chunks_exact_mut(TILE).skip(y);
+    for (row, pixels) in rows.enumerate().take(BLOCK_HEIGHT) {
+        let pixels = pixels.iter_mut().skip(x);
+        for (column, own) in pixels.enumerate().take(BLOCK_WIDTH) {
+            pixel(own, row, column);
+        }
+    }
+}
+
+fn store_prepared(block: &PreparedBlock, tile: &mut Tile<FEATURES>, x: usize, y: usize) {
+    for_block(tile, x, y, |pixel, row, column| {
+        pixel.weight = block.weight[row][column];
+        pixel.variance = block.variance[row][column];
+        pixel.tolerance = block.tolerance[row][column];
+        pixel.state = if pixel.variance == 0.0 {
+            PixelState::Clean
+        } else {
+            PixelState::Noisy
+        };
+    });
+}
+
+/// The `N` features whose planes begin with `plane` and whose variances follow them, to the tile's from `feature` on.
+fn filter_group<const N: usize>(
+    input: &mut FeatureGroup<N>,
+    output: &mut FilteredGroup<N>,
+    plane: usize,
+    tile: &mut Tile<FEATURES>,
+    feature: usize,
+    x: usize,
+    y: usize,
+) {
+    for c in 0..N {
+        for row in 0..FeatureGroup::<N>::HEIGHT {
+            for column in 0..FeatureGroup::<N>::WIDTH {
+                let x = (x + column) as isize - PREFILTER_HALO as isize;
+                let y = (y + row) as isize - PREFILTER_HALO as isize;
+                input.value[c][row][column] = nearest_value(plane + c, x, y);
+                input.variance[c][row][column] = nearest_value(plane + N + c, x, y);
+            }
+        }
+    }
+    prefilter(input, output);
+    for_block(tile, x, y, |pixel, row, column| {
+        let own = (pixel.features.iter_mut()).zip(&mut pixel.feature_variance);
+        for (c, (value, variance)) in own.skip(feature).take(N).enumerate() {
+            *value = output.value[c][row][column];
+            *variance = output.variance[c][row][column];
+        }
+    });
 }
 
 fn fold(values: &[f32], hash: &mut u32) {

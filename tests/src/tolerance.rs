@@ -53,8 +53,12 @@ pub const ORTHONORMALITY: f64 = 64.0 * f32::EPSILON as f64;
 /// `V diag(s) V^T` against the matrix, relative to the largest eigenvalue: both of the above.
 pub const RECONSTRUCTION: f64 = 64.0 * f32::EPSILON as f64;
 
-/// A denoised frame at another exposure, relative to its brightest pixel: the local level is a mean of logarithms, so even a power of
-/// two is not exact. Seen: 4.4e-7.
+/// Weights, variances, tolerances and filtered features of a block, relative: polynomials within 5e-7 of logarithms and powers, reciprocals
+/// within 3e-7, sums of some fifty floats.
+pub const BLOCK: f64 = 1e-5;
+
+/// A denoised frame at an exposure that is no power of two, relative to its brightest pixel: radiances are rounded, and so is the local
+/// level, a mean of logarithms. Seen: 4.4e-7.
 pub const EXPOSURE: f64 = 4e-6;
 
 /// A denoised frame whose features are in another unit that is no power of two, relative to its brightest pixel: features are

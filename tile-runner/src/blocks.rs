@@ -1,5 +1,7 @@
 //! Weights and filtered features of the rows of cells, block by block.
 
+use std::ops::Range;
+
 use linpred_core::{
     BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane, ColourBlock, FeatureGroup, FilteredGroup,
     PREFILTER_HALO, PREPARE_HALO, PreparedBlock,
@@ -8,7 +10,7 @@ use rayon::prelude::*;
 
 use crate::dispatch::Level;
 use crate::geometry::{ImageSize, plane_bytes};
-use crate::held_rows::{HeldRows, clamped};
+use crate::held_rows::{HeldRows, copy_clamped};
 use crate::row::{FEATURES, RowLayout};
 
 /// Rows of input around a row of blocks that it is made of.
@@ -56,56 +58,47 @@ impl PreparedRows {
 
     /// Bytes that working them out takes, on `threads` threads.
     pub(crate) fn working_bytes(threads: u64) -> u64 {
-        let inputs = size_of::<ColourBlock>().max(size_of::<FeatureGroup<3>>());
-        threads * (BLOCKS_PER_THREAD * size_of::<Block>() + inputs) as u64
+        threads * (BLOCKS_PER_THREAD * size_of::<Block>() + size_of::<Inputs>()) as u64
     }
 
     /// Works out the rows from `first_row` on, of which some may lie above the image, and returns how many feature groups had
     /// to be filtered, per group and block.
     pub(crate) fn fill(&mut self, band: &HeldRows, first_row: isize, level: Level) -> u64 {
         let columns: Vec<usize> = (0..self.size.width()).step_by(BLOCK_WIDTH).collect();
+        let at_once = BLOCKS_PER_THREAD * rayon::current_num_threads();
+        let mut blocks: Vec<Box<Block>> = (0..at_once.min(columns.len()))
+            .map(|_| Block::new())
+            .collect();
         let mut filtered = 0;
-        for columns in columns.chunks(BLOCKS_PER_THREAD * rayon::current_num_threads()) {
-            let blocks: Vec<Box<Block>> = columns
-                .par_iter()
-                .map(|&x| self.work_out(band, x, first_row, level))
-                .collect();
+        for columns in columns.chunks(at_once) {
+            (blocks.par_iter_mut().zip(columns)).for_each_init(
+                Inputs::new,
+                |inputs, (block, &x)| {
+                    let source = Source {
+                        band,
+                        width: self.size.width(),
+                        x,
+                        y: first_row,
+                    };
+                    block.work_out(&source, &self.features, level, inputs);
+                },
+            );
             for (block, &x) in blocks.iter().zip(columns) {
-                filtered += block.filtered;
+                filtered += block
+                    .filtered
+                    .iter()
+                    .map(|done| u64::from(*done))
+                    .sum::<u64>();
                 self.store(block, x);
+                self.copy_unfiltered(block, band, x, first_row);
             }
         }
         filtered
     }
 
-    fn work_out(&self, band: &HeldRows, x: usize, y: isize, level: Level) -> Box<Block> {
-        let mut block = Box::new(Block {
-            prepared: PreparedBlock::EMPTY,
-            normal: FilteredGroup::ZERO,
-            albedo: FilteredGroup::ZERO,
-            depth: FilteredGroup::ZERO,
-            filtered: 0,
-        });
-        level.prepare(&colours(band, self.size, x, y), &mut block.prepared);
-        if !self.features[0].is_empty() {
-            let normal = features::<3>(band, self.size, 0, x, y);
-            block.filtered += u64::from(level.prefilter(&normal, &mut block.normal));
-        }
-        if !self.features[3].is_empty() {
-            let albedo = features::<3>(band, self.size, 3, x, y);
-            block.filtered += u64::from(level.prefilter(&albedo, &mut block.albedo));
-        }
-        if !self.features[6].is_empty() {
-            let depth = features::<1>(band, self.size, 6, x, y);
-            block.filtered += u64::from(level.prefilter(&depth, &mut block.depth));
-        }
-        block
-    }
-
     fn store(&mut self, block: &Block, x: usize) {
         let width = self.size.width();
         let columns = BLOCK_WIDTH.min(width - x);
-        // the plane of a feature that the image lacks has no rows
         let store = |plane: &mut [f32], values: &BlockPlane| {
             for (row, values) in plane.chunks_exact_mut(width).zip(values) {
                 row[x..x + columns].copy_from_slice(&values[..columns]);
@@ -119,16 +112,42 @@ impl PreparedRows {
             (&block.albedo.value[..], &block.albedo.variance[..]),
             (&block.depth.value[..], &block.depth.variance[..]),
         ];
-        let values = groups.iter().flat_map(|group| group.0);
-        let variances = groups.iter().flat_map(|group| group.1);
-        for (plane, values) in self.features.iter_mut().zip(values) {
-            store(plane, values);
+        for ((features, done), (values, variances)) in
+            GROUPS.into_iter().zip(block.filtered).zip(groups)
+        {
+            if done {
+                for (k, (value, variance)) in features.zip(values.iter().zip(variances)) {
+                    store(&mut self.features[k], value);
+                    store(&mut self.feature_variances[k], variance);
+                }
+            }
         }
-        for (plane, values) in self.feature_variances.iter_mut().zip(variances) {
-            store(plane, values);
+    }
+
+    /// The features of the groups that had no noise to be filtered.
+    fn copy_unfiltered(&mut self, block: &Block, band: &HeldRows, x: usize, y: isize) {
+        let width = self.size.width();
+        let columns = x..width.min(x + BLOCK_WIDTH);
+        for (features, _) in GROUPS
+            .into_iter()
+            .zip(block.filtered)
+            .filter(|(_, done)| !done)
+        {
+            for k in features {
+                // the plane of a feature that the image lacks has no rows
+                let values = self.features[k].chunks_exact_mut(width);
+                let variances = self.feature_variances[k].chunks_exact_mut(width);
+                for (y, (values, variances)) in (y..).zip(values.zip(variances)) {
+                    band.copy_feature(k, x as isize, y, &mut values[columns.clone()]);
+                    variances[columns.clone()].fill(0.0);
+                }
+            }
         }
     }
 }
+
+/// Features that are filtered together: normal, albedo, depth.
+const GROUPS: [Range<usize>; 3] = [0..3, 3..6, 6..7];
 
 /// One block's results.
 struct Block {
@@ -136,45 +155,113 @@ struct Block {
     normal: FilteredGroup<3>,
     albedo: FilteredGroup<3>,
     depth: FilteredGroup<1>,
-    filtered: u64,
+    /// Which of the groups had noise; the others' results are not there.
+    filtered: [bool; 3],
 }
 
-fn colours(band: &HeldRows, size: ImageSize, x: usize, y: isize) -> Box<ColourBlock> {
-    let mut block = Box::new(ColourBlock::BLACK);
-    for row in 0..ColourBlock::HEIGHT {
-        let from_row = y + row as isize - PREPARE_HALO as isize;
-        let (colours, guides) = (band.colours(from_row), band.guides(from_row));
-        for column in 0..ColourBlock::WIDTH {
-            let from = clamped((x + column) as isize - PREPARE_HALO as isize, size.width());
-            block.luminance[row][column] = colours.luminance(from);
-            block.variance[row][column] = guides.variance[from];
-            block.good[row][column] = colours.good[from];
+impl Block {
+    fn new() -> Box<Self> {
+        Box::new(Self {
+            prepared: PreparedBlock::EMPTY,
+            normal: FilteredGroup::ZERO,
+            albedo: FilteredGroup::ZERO,
+            depth: FilteredGroup::ZERO,
+            filtered: [false; 3],
+        })
+    }
+
+    fn work_out(
+        &mut self,
+        source: &Source,
+        features: &[Vec<f32>; FEATURES],
+        level: Level,
+        inputs: &mut Inputs,
+    ) {
+        source.load_colours(&mut inputs.colours);
+        level.prepare(&inputs.colours, &mut self.prepared);
+        let wanted =
+            GROUPS.map(|group| !features[group.start].is_empty() && source.is_noisy(&group));
+        self.filtered = [false; 3];
+        if wanted[0] {
+            source.load_features(&GROUPS[0], &mut inputs.triple);
+            self.filtered[0] = level.prefilter(&inputs.triple, &mut self.normal);
+        }
+        if wanted[1] {
+            source.load_features(&GROUPS[1], &mut inputs.triple);
+            self.filtered[1] = level.prefilter(&inputs.triple, &mut self.albedo);
+        }
+        if wanted[2] {
+            source.load_features(&GROUPS[2], &mut inputs.single);
+            self.filtered[2] = level.prefilter(&inputs.single, &mut self.depth);
         }
     }
-    block
 }
 
-fn features<const N: usize>(
-    band: &HeldRows,
-    size: ImageSize,
-    first: usize,
+/// What a block is made of, used for its parts in turn.
+struct Inputs {
+    colours: ColourBlock,
+    triple: FeatureGroup<3>,
+    single: FeatureGroup<1>,
+}
+
+impl Inputs {
+    fn new() -> Box<Self> {
+        Box::new(Self {
+            colours: ColourBlock::BLACK,
+            triple: FeatureGroup::ZERO,
+            single: FeatureGroup::ZERO,
+        })
+    }
+}
+
+/// Where a block comes from.
+struct Source<'a> {
+    band: &'a HeldRows,
+    /// Columns of the image.
+    width: usize,
+    /// The block's first column and row, which may lie above the image.
     x: usize,
     y: isize,
-) -> Box<FeatureGroup<N>> {
-    let mut group = Box::new(FeatureGroup::<N>::ZERO);
-    for row in 0..FeatureGroup::<N>::HEIGHT {
-        let from_row = y + row as isize - PREFILTER_HALO as isize;
-        let source = band.guides(from_row);
-        for column in 0..FeatureGroup::<N>::WIDTH {
-            let from = clamped(
-                (x + column) as isize - PREFILTER_HALO as isize,
-                size.width(),
-            );
-            for c in 0..N {
-                group.value[c][row][column] = band.feature(first + c, from as isize, from_row);
-                group.variance[c][row][column] = source.feature_variances[first + c][from];
+}
+
+impl Source<'_> {
+    fn load_colours(&self, block: &mut ColourBlock) {
+        const WIDTH: usize = ColourBlock::WIDTH;
+        let first = self.x as isize - PREPARE_HALO as isize;
+        for row in 0..ColourBlock::HEIGHT {
+            let y = self.y + row as isize - PREPARE_HALO as isize;
+            let (colours, guides) = (self.band.colours(y), self.band.guides(y));
+            copy_clamped(&guides.luminance, first, &mut block.luminance[row][..WIDTH]);
+            copy_clamped(&guides.variance, first, &mut block.variance[row][..WIDTH]);
+            copy_clamped(&colours.good, first, &mut block.good[row][..WIDTH]);
+        }
+    }
+
+    /// Whether a feature of the group may have a variance in the block or its halo.
+    fn is_noisy(&self, group: &Range<usize>) -> bool {
+        let end = self.x + BLOCK_WIDTH + PREFILTER_HALO;
+        let columns = self.x.saturating_sub(PREFILTER_HALO)..end.min(self.width);
+        self.rows_of_features().any(|y| {
+            let row = self.band.guides(y);
+            group.clone().any(|k| row.is_noisy(k, &columns))
+        })
+    }
+
+    fn rows_of_features(&self) -> Range<isize> {
+        let first = self.y - PREFILTER_HALO as isize;
+        first..first + FeatureGroup::<1>::HEIGHT as isize
+    }
+
+    fn load_features<const N: usize>(&self, group: &Range<usize>, block: &mut FeatureGroup<N>) {
+        let first = self.x as isize - PREFILTER_HALO as isize;
+        for (row, y) in self.rows_of_features().enumerate() {
+            let source = self.band.guides(y);
+            for (c, k) in group.clone().enumerate() {
+                let value = &mut block.value[c][row][..FeatureGroup::<N>::WIDTH];
+                self.band.copy_feature(k, first, y, value);
+                let variance = &mut block.variance[c][row][..FeatureGroup::<N>::WIDTH];
+                copy_clamped(&source.feature_variances[k], first, variance);
             }
         }
     }
-    group
 }

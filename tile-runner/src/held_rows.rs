@@ -1,5 +1,7 @@
 //! The rows of the image that are in memory, as the core wants them.
 
+use std::ops::Range;
+
 use crate::row::{FEATURES, InputRow, RowLayout, VarianceKind};
 use crate::row_ring::RowRing;
 
@@ -21,12 +23,18 @@ pub(crate) struct ColourRow {
 
 /// What else weights and filtered features are made of; cells do not read it, so it leaves earlier.
 pub(crate) struct GuideRow {
+    /// Mean magnitude of the channels, 0 where the pixel is bad.
+    pub(crate) luminance: Vec<f32>,
     /// Variance of the mean, summed over the channels, 0 where the pixel is bad.
     pub(crate) variance: Vec<f32>,
     /// Features; NaN where missing, empty if the image has none.
     pub(crate) features: [Vec<f32>; FEATURES],
+    /// Whether some pixel misses the feature.
+    missing: [bool; FEATURES],
     /// Variances of the features; empty if the image has no such feature.
     pub(crate) feature_variances: [Vec<f32>; FEATURES],
+    /// Columns outside which the feature has no variance.
+    noisy: [Range<usize>; FEATURES],
 }
 
 impl ColourRow {
@@ -64,60 +72,87 @@ impl ColourRow {
             }
         }
     }
-
-    /// Mean magnitude of the channels.
-    pub(crate) fn luminance(&self, x: usize) -> f32 {
-        self.colour
-            .iter()
-            .fold(0.0, |sum, plane| sum + plane[x].abs() / 3.0)
-    }
 }
 
 impl GuideRow {
     /// Planes of a row.
     pub(crate) fn planes(layout: &RowLayout) -> usize {
-        1 + 2 * layout.features.iter().filter(|present| **present).count()
+        2 + 2 * layout.features.iter().filter(|present| **present).count()
     }
 
     fn new(layout: &RowLayout) -> Self {
         let width = layout.size.width();
         let feature = |k: usize| vec![0.0; if layout.features[k] { width } else { 0 }];
         Self {
+            luminance: vec![0.0; width],
             variance: vec![0.0; width],
             features: std::array::from_fn(feature),
+            missing: [false; FEATURES],
+            noisy: [const { 0..0 }; FEATURES],
             feature_variances: std::array::from_fn(feature),
         }
     }
 
     fn fill(&mut self, input: &InputRow, colours: &ColourRow, kind: VarianceKind) {
+        self.luminance.fill(0.0);
+        for plane in &colours.colour {
+            for (sum, value) in self.luminance.iter_mut().zip(plane) {
+                *sum += value.abs() / 3.0;
+            }
+        }
         self.variance.fill(0.0);
         if kind != VarianceKind::Estimated {
             for (variances, values) in input.variance.iter().zip(&colours.colour) {
-                for (x, sum) in self.variance.iter_mut().enumerate() {
-                    if colours.good[x] != 0.0 {
-                        *sum += checked_variance(variances[x], values[x]);
-                    }
+                let pixels = variances.iter().zip(values).zip(&colours.good);
+                for (sum, ((&variance, &value), good)) in self.variance.iter_mut().zip(pixels) {
+                    let checked = checked_variance(variance, value);
+                    *sum += if *good != 0.0 { checked } else { 0.0 };
                 }
             }
         }
         for k in 0..FEATURES {
-            for x in 0..self.features[k].len() {
-                let value = input.features[k][x];
-                let leaves = k == FEATURES - 1 && value.abs() >= NO_SURFACE;
-                let value = if leaves { 0.0 } else { value };
-                self.features[k][x] = if value.abs() <= LARGEST {
-                    value
-                } else {
-                    f32::NAN
-                };
-                let variance = input.feature_variances[k][x];
-                self.feature_variances[k][x] = if leaves {
-                    0.0
-                } else {
-                    checked_variance(variance, value)
-                };
-            }
+            // Only a depth can be that of no surface.
+            let limit = if k == FEATURES - 1 {
+                NO_SURFACE
+            } else {
+                f32::INFINITY
+            };
+            self.fill_feature(k, input, limit);
         }
+    }
+
+    /// Feature `k`, which counts as 0 without noise where its magnitude reaches `limit`.
+    fn fill_feature(&mut self, k: usize, input: &InputRow, limit: f32) {
+        let mut missing = false;
+        let sources = input.features[k].iter().zip(&input.feature_variances[k]);
+        let targets = self.features[k]
+            .iter_mut()
+            .zip(&mut self.feature_variances[k]);
+        for ((own, own_variance), (&value, &variance)) in targets.zip(sources) {
+            let leaves = value.abs() >= limit;
+            let value = if leaves { 0.0 } else { value };
+            let usable = value.abs() <= LARGEST;
+            missing |= !usable;
+            *own = if usable { value } else { f32::NAN };
+            let checked = checked_variance(variance, value);
+            *own_variance = if leaves { 0.0 } else { checked };
+        }
+        self.missing[k] = missing;
+        self.find_noise(k);
+    }
+
+    /// To be called when the variances of feature `k` have changed.
+    pub(crate) fn find_noise(&mut self, k: usize) {
+        let variances = &self.feature_variances[k];
+        let first = variances.iter().position(|v| *v > 0.0).unwrap_or(0);
+        let last = variances.iter().rposition(|v| *v > 0.0);
+        self.noisy[k] = first..last.map_or(first, |last| last + 1);
+    }
+
+    /// Whether feature `k` may have a variance in `columns`, or in the nearest ones of the image.
+    pub(crate) fn is_noisy(&self, k: usize, columns: &Range<usize>) -> bool {
+        let noisy = &self.noisy[k];
+        noisy.start < columns.end && columns.start < noisy.end
     }
 }
 
@@ -185,6 +220,50 @@ impl HeldRows {
         (self.guides.row_mut(y), self.colours.row(y))
     }
 
+    /// Feature `k` of row `y` from column `x` on, as [`Self::feature`] has it; zeros if the image has none.
+    pub(crate) fn copy_feature(&self, k: usize, x: isize, y: isize, target: &mut [f32]) {
+        self.copy_present(k, y, target, |row, target| copy_clamped(row, x, target));
+        self.fill_missing(k, y, target, |i| x + i as isize);
+    }
+
+    /// The same, but with the image mirrored at its left and right.
+    pub(crate) fn copy_feature_mirrored(&self, k: usize, x: isize, y: isize, target: &mut [f32]) {
+        let width = self.layout.size.width();
+        self.copy_present(k, y, target, |row, target| copy_mirrored(row, x, target));
+        self.fill_missing(k, y, target, |i| mirrored(x + i as isize, width) as isize);
+    }
+
+    fn copy_present(
+        &self,
+        k: usize,
+        y: isize,
+        target: &mut [f32],
+        copy: impl Fn(&[f32], &mut [f32]),
+    ) {
+        if self.layout.features[k] {
+            copy(&self.guides(y).features[k], target);
+        } else {
+            target.fill(0.0);
+        }
+    }
+
+    /// Fills in what is missing in a copy of row `y` whose i-th value is that of `column(i)`.
+    fn fill_missing(
+        &self,
+        k: usize,
+        y: isize,
+        target: &mut [f32],
+        column: impl Fn(usize) -> isize,
+    ) {
+        if self.guides(y).missing[k] {
+            for (i, value) in target.iter_mut().enumerate() {
+                if value.is_nan() {
+                    *value = self.feature(k, column(i), y);
+                }
+            }
+        }
+    }
+
     /// Feature `k` at (x, y), from the nearest pixel of the image; a missing one is the mean of those around it, or 0.
     pub(crate) fn feature(&self, k: usize, x: isize, y: isize) -> f32 {
         if !self.layout.features[k] {
@@ -230,4 +309,29 @@ pub(crate) fn mirrored(position: isize, length: usize) -> usize {
 /// The nearest of 0..length.
 pub(crate) fn clamped(position: isize, length: usize) -> usize {
     position.clamp(0, length as isize - 1) as usize
+}
+
+/// The values of `row` from `position` on; beyond its ends, the nearest.
+pub(crate) fn copy_clamped(row: &[f32], position: isize, target: &mut [f32]) {
+    let start = clamped(position, row.len());
+    let before = start.saturating_add_signed(-position).min(target.len());
+    let (left, rest) = target.split_at_mut(before);
+    left.fill(row[0]);
+    let inside = rest.len().min(row.len() - start);
+    let (middle, right) = rest.split_at_mut(inside);
+    middle.copy_from_slice(&row[start..start + inside]);
+    right.fill(row[row.len() - 1]);
+}
+
+/// The values of `row` from `position` on; beyond its ends, its mirror image (see [`mirrored`]).
+pub(crate) fn copy_mirrored(row: &[f32], position: isize, target: &mut [f32]) {
+    let inside = usize::try_from(position).ok();
+    match inside.and_then(|first| row.get(first..first + target.len())) {
+        Some(values) => target.copy_from_slice(values),
+        None => {
+            for (position, value) in (position..).zip(target) {
+                *value = row[mirrored(position, row.len())];
+            }
+        }
+    }
 }

@@ -6,7 +6,7 @@ use linpred_core::{BLOCK_HEIGHT, BLOCK_WIDTH, NOISE_HALO, NoiseBlock, NoisyBlock
 use rayon::prelude::*;
 
 use crate::dispatch::Level;
-use crate::held_rows::{HeldRows, mirrored};
+use crate::held_rows::{HeldRows, copy_mirrored, mirrored};
 use crate::row::{FEATURES, RowLayout, VarianceKind};
 
 /// Blocks that each thread estimates before their results are stored.
@@ -119,6 +119,7 @@ impl Missing {
             for k in (0..FEATURES).filter(|k| self.features[*k]) {
                 target.feature_variances[k][columns.clone()]
                     .copy_from_slice(&block.features[k][y][..width]);
+                target.find_noise(k);
             }
         }
     }
@@ -142,14 +143,13 @@ fn load(held: &HeldRows, layout: &RowLayout, x: usize, y: usize) -> Box<NoisyBlo
         let wanted = mirrored((y + row) as isize - NOISE_HALO as isize, size.height());
         let from_row = wanted.clamp(first, last);
         let source = held.colours(from_row as isize);
-        for column in 0..NoisyBlock::WIDTH {
-            let from = mirrored((x + column) as isize - NOISE_HALO as isize, size.width());
-            for (plane, colour) in block.colour.iter_mut().zip(&source.colour) {
-                plane[row][column] = colour[from];
-            }
-            for (k, plane) in block.features.iter_mut().enumerate() {
-                plane[row][column] = held.feature(k, from as isize, from_row as isize);
-            }
+        let column = x as isize - NOISE_HALO as isize;
+        for (plane, colour) in block.colour.iter_mut().zip(&source.colour) {
+            copy_mirrored(colour, column, &mut plane[row][..NoisyBlock::WIDTH]);
+        }
+        for (k, plane) in block.features.iter_mut().enumerate() {
+            let target = &mut plane[row][..NoisyBlock::WIDTH];
+            held.copy_feature_mirrored(k, column, from_row as isize, target);
         }
     }
     block

@@ -10,7 +10,11 @@ mod no_panic;
 use core::hint::black_box;
 
 use cortex_m_rt::entry;
-use linpred_core::{Gram, NormalEquations, Prior, Rls, SymmetricEigen};
+use linpred_core::{
+    ColourBlock, FeatureGroup, FilteredGroup, Gram, NoiseBlock, NoisyBlock, NormalEquations,
+    PreparedBlock, Prior, Rls, SymmetricEigen, estimate_colour_noise, estimate_feature_noise,
+    prefilter, prepare,
+};
 
 fn recursion<const T: usize>() {
     let mut fit = Rls::<T>::new(&black_box(Prior::at_centre(
@@ -60,9 +64,31 @@ fn decomposition<const D: usize>() {
     black_box(SymmetricEigen::<D>::new(&black_box([[1.0; D]; D])));
 }
 
+fn filtered<const N: usize>(group: &mut FeatureGroup<N>, filtered: &mut FilteredGroup<N>) {
+    let _ = black_box(prefilter(black_box(group), black_box(filtered)));
+}
+
+fn estimates(noisy: &mut NoisyBlock, noise: &mut NoiseBlock) {
+    estimate_feature_noise(black_box(noisy), black_box(noise));
+    estimate_colour_noise(black_box(noisy), black_box(noise));
+}
+
 #[entry]
 fn main() -> ! {
+    // `entry` makes statics of a function that is called once references to them.
+    static mut COLOURS: ColourBlock = ColourBlock::BLACK;
+    static mut PREPARED: PreparedBlock = PreparedBlock::EMPTY;
+    static mut TRIPLE: FeatureGroup<3> = FeatureGroup::ZERO;
+    static mut FILTERED_TRIPLE: FilteredGroup<3> = FilteredGroup::ZERO;
+    static mut SINGLE: FeatureGroup<1> = FeatureGroup::ZERO;
+    static mut FILTERED_SINGLE: FilteredGroup<1> = FilteredGroup::ZERO;
+    static mut NOISY: NoisyBlock = NoisyBlock::BLACK;
+    static mut NOISE: NoiseBlock = NoiseBlock::NONE;
     loop {
+        prepare(black_box(COLOURS), black_box(PREPARED));
+        filtered(TRIPLE, FILTERED_TRIPLE);
+        filtered(SINGLE, FILTERED_SINGLE);
+        estimates(NOISY, NOISE);
         recursion::<1>();
         recursion::<5>();
         recursion::<10>();

@@ -16,11 +16,14 @@ mod usage;
 mod tile_checksum;
 
 use cortex_m_rt::entry;
+use tile_checksum::{Memory, checksum_of_tile};
 
 #[entry]
 fn main() -> ! {
+    // `entry` makes a static of a function that is called once a reference to it.
+    static mut MEMORY: Memory = Memory::EMPTY;
     let ticks = usage::start_ticks();
-    let checksum = tile_checksum::checksum_of_tile();
+    let checksum = checksum_of_tile(MEMORY);
     let ticks = usage::ticks_since(ticks);
     semihosting::print("checksum", checksum);
     semihosting::print("ticks", ticks);
