@@ -10,6 +10,7 @@ use linpred_core::Params;
 use crate::band::{Band, BandSink, BandSource};
 use crate::error::Error;
 use crate::exr_file::ExrFile;
+use crate::exr_file::codec::SharedCodec;
 use crate::geometry::ImageSize;
 use crate::layers::{self, Layer};
 use crate::memory;
@@ -192,7 +193,18 @@ pub fn denoise(
     let mut source = BandSource::new(input.source(options.memory_limit)?, &rows);
     let within = rows.start - source.first()..rows.end - source.first();
     let limit = options.memory_limit;
-    let sink = ExrSink::create(output, input.file().clone(), rewrite, limit, stop.clone())?;
+    let codec = match schedule.codes_at_once {
+        true => SharedCodec::default(),
+        false => input.file().codec().clone(),
+    };
+    let sink = ExrSink::create(
+        output,
+        input.file().clone(),
+        rewrite,
+        &codec,
+        limit,
+        stop.clone(),
+    )?;
     let mut sink = BandSink::new(sink, within.clone());
     let mut told = |done: usize| {
         progress(done.min(within.end).saturating_sub(within.start));

@@ -12,6 +12,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
+use linpred::exr_file::codec::SharedCodec;
 use linpred::job::{self, Input, InputRequest, JobOptions};
 use linpred::overlap::{ROWS_IN_FLIGHT, ReadAhead, WriteBehind};
 use linpred::pipeline::{self, Options};
@@ -63,7 +64,8 @@ fn read_and_write(input: &Input, output: &Path) -> Result<f64, Box<dyn Error>> {
     let layout = source.layout();
     let plan = input.rewrite(ExtraLayers::default())?;
     let stop = Arc::new(AtomicBool::new(false));
-    let mut sink = ExrSink::create(output, input.file().clone(), plan, u64::MAX, stop)?;
+    let codec = SharedCodec::default();
+    let mut sink = ExrSink::create(output, input.file().clone(), plan, &codec, u64::MAX, stop)?;
     std::thread::scope(|scope| -> Result<(), linpred::error::Error> {
         let mut ahead = ReadAhead::start(scope, &mut source, ROWS_IN_FLIGHT);
         let mut behind = WriteBehind::start(scope, &mut sink, ROWS_IN_FLIGHT);
