@@ -102,10 +102,10 @@ impl Used {
     fn close_gaps(&self, words: &mut [u16]) -> u16 {
         let mut table = vec![0_u16; VALUES];
         let mut last = 0;
-        for value in 1..VALUES {
+        for (value, number) in table.iter_mut().enumerate() {
             if self.bits[value >> 3] & (1 << (value & 7)) != 0 {
                 last += 1;
-                table[value] = last;
+                *number = last;
             }
         }
         for word in words {
