@@ -21,23 +21,22 @@ const LOSSLESS: [Compression; 5] = [
     Compression::ZIP16,
     Compression::PIZ,
 ];
-/// Layers of channels, which stay together.
-const LAYERS: [&[&str]; 6] = [
-    &["R", "G", "B"],
-    &["variance.R", "variance.G", "variance.B"],
-    &["N.X", "N.Y", "N.Z"],
-    &["albedo.R", "albedo.G", "albedo.B"],
-    &["Z"],
-    &["A"],
+/// Layers of channels by the names that Blender gives them, and their channels.
+const LAYERS: [(&str, &[&str]); 6] = [
+    ("VL.Combined", &["R", "G", "B", "A"]),
+    ("VL.Denoising Variance", &["R", "G", "B"]),
+    ("VL.Denoising Normal", &["X", "Y", "Z"]),
+    ("VL.Denoising Albedo", &["R", "G", "B"]),
+    ("VL.Denoising Depth", &["Z"]),
+    ("VL.Mist", &["Z"]),
 ];
 
 /// How a file stores the pixels.
 #[derive(Clone, Debug)]
-struct Layout {
-    /// How each part is stored.
-    parts: Vec<Encoding>,
-    /// The part of each layer, modulo the number of parts.
-    places: [usize; LAYERS.len()],
+enum Layout {
+    OnePart(Encoding),
+    /// One for each layer, as Blender does; which layer, and how it is stored.
+    Parts(Vec<(usize, Encoding)>),
 }
 
 /// How it is denoised.
@@ -59,9 +58,14 @@ fn encodings() -> impl Strategy<Value = Encoding> {
 }
 
 fn layouts() -> impl Strategy<Value = Layout> {
-    let places = prop::array::uniform6(0_usize..4);
-    (prop::collection::vec(encodings(), 1..=3), places)
-        .prop_map(|(parts, places)| Layout { parts, places })
+    let order = Just((0..LAYERS.len()).collect::<Vec<_>>()).prop_shuffle();
+    let several = (order, prop::collection::vec(encodings(), LAYERS.len()));
+    prop_oneof![
+        encodings().prop_map(Layout::OnePart),
+        several.prop_map(|(order, encodings)| Layout::Parts(
+            order.into_iter().zip(encodings).collect()
+        )),
+    ]
 }
 
 fn manners() -> impl Strategy<Value = Manner> {
@@ -74,57 +78,51 @@ fn manners() -> impl Strategy<Value = Manner> {
 
 impl Layout {
     fn parts(&self) -> Vec<TestPart> {
-        let names = ["first", "second", "third"];
-        let mut all = Vec::new();
-        for (index, encoding) in self.parts.iter().enumerate() {
-            let here = |place: &usize| place % self.parts.len() == index;
-            let layers = LAYERS
+        match self {
+            Self::OnePart(encoding) => vec![TestPart {
+                encoding: *encoding,
+                ..part((0..LAYERS.len()).flat_map(channels).collect())
+            }],
+            Self::Parts(parts) => parts
                 .iter()
-                .zip(&self.places)
-                .filter(|(_, place)| here(place));
-            let channels: Vec<NamedSamples> = layers
-                .flat_map(|(names, _)| names.iter())
-                .map(|name| {
-                    half(
-                        name,
-                        PIXELS,
-                        name.bytes()
-                            .fold(7, |seed, byte| seed * 31 + u32::from(byte)),
-                    )
+                .map(|&(layer, encoding)| TestPart {
+                    name: Some(LAYERS[layer].0),
+                    encoding,
+                    ..part(channels(layer))
                 })
-                .collect();
-            if !channels.is_empty() {
-                all.push(TestPart {
-                    name: Some(names[index]),
-                    encoding: *encoding,
-                    ..part(channels)
-                });
-            }
+                .collect(),
         }
-        all
     }
 
     /// Pieces that the image can be cut into.
     fn pieces(&self) -> usize {
-        let used = |index: usize| {
-            self.places
-                .iter()
-                .any(|place| place % self.parts.len() == index)
-        };
-        let heights = (0..self.parts.len())
-            .filter(|&index| used(index))
-            .map(|index| match self.parts[index].blocks {
-                Blocks::ScanLines => self.parts[index].compression.scan_lines_per_block(),
-                Blocks::Tiles(size) => size.1,
-            });
+        let parts = self.parts();
+        let heights = parts.iter().map(|part| match part.encoding.blocks {
+            Blocks::ScanLines => part.encoding.compression.scan_lines_per_block(),
+            Blocks::Tiles(size) => size.1,
+        });
         let unit = heights.fold(1, |unit, height| {
-            let multiple = (1..=SIZE.1)
-                .map(|k| k * unit)
-                .find(|multiple| multiple % height == 0);
-            multiple.unwrap_or(SIZE.1).min(SIZE.1)
+            let mut multiples = (1..=SIZE.1).map(|k| k * unit);
+            let common = multiples.find(|multiple| multiple % height == 0);
+            common.unwrap_or(SIZE.1).min(SIZE.1)
         });
         SIZE.1.div_ceil(unit)
     }
+}
+
+fn channels(layer: usize) -> Vec<NamedSamples> {
+    let (layer, components) = LAYERS[layer];
+    let names = components
+        .iter()
+        .map(|component| format!("{layer}.{component}"));
+    names.map(|name| half(&name, PIXELS, seed(&name))).collect()
+}
+
+/// Tells channels apart.
+fn seed(name: &str) -> u32 {
+    name.bytes().fold(7, |seed: u32, byte| {
+        seed.wrapping_mul(31).wrapping_add(byte.into())
+    })
 }
 
 fn denoise(folder: &Path, output: &str, options: &[String]) -> Ran {
@@ -135,7 +133,7 @@ fn denoise(folder: &Path, output: &str, options: &[String]) -> Ran {
         "-o".into(),
         output.into(),
     ];
-    arguments.extend(["--quality", "fast", "--error-layer"].map(Into::into));
+    arguments.extend(["--preset=blender", "--quality=fast", "--error-layer"].map(Into::into));
     arguments.extend(options.iter().map(Into::into));
     linpred(arguments).succeeds()
 }
@@ -189,16 +187,13 @@ fn pixels(path: &Path) -> BTreeMap<String, Vec<u32>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(16))]
+    #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
     fn any_layout_of_the_file_and_any_manner_of_running_gives_the_same_bits(layout in layouts(), manner in manners()) {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
-        let plain = Layout {
-            parts: vec![part(Vec::new()).encoding],
-            places: [0; LAYERS.len()],
-        };
+        let plain = Layout::OnePart(part(Vec::new()).encoding);
         write(&folder.join("in.exr"), SIZE, plain.parts());
         denoise(folder, "plain.exr", &["--threads=1".to_owned()]);
         write(&folder.join("in.exr"), SIZE, layout.parts());
