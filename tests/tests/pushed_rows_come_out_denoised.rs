@@ -74,7 +74,7 @@ fn pushed_rows_have_the_bits_of_rows_that_were_asked_for() {
     let mut asked = Collect::default();
     let go_on = &mut |_| ControlFlow::Continue(());
     let report = pipeline::denoise(&mut source, &mut asked, &options(), go_on).unwrap();
-    let (mut push, mut denoised) = push::start(source.layout(), options());
+    let (mut push, mut denoised) = push::start(source.layout(), options()).unwrap();
     let pusher = std::thread::spawn(move || push_to(&mut push, 90));
     let pulled: Vec<_> = denoised.by_ref().map(Result::unwrap).collect();
     pusher.join().unwrap().unwrap();
@@ -97,7 +97,7 @@ fn pushed_rows_have_the_bits_of_rows_that_were_asked_for() {
 
 #[test]
 fn an_image_that_is_not_pushed_to_the_end_ends_in_an_error() {
-    let (mut push, denoised) = push::start(layout(47, 90), options());
+    let (mut push, denoised) = push::start(layout(47, 90), options()).unwrap();
     let pusher = std::thread::spawn(move || push_to(&mut push, 60));
     let pulled: Vec<_> = denoised.collect();
     pusher.join().unwrap().unwrap();
@@ -109,7 +109,7 @@ fn an_image_that_is_not_pushed_to_the_end_ends_in_an_error() {
 
 #[test]
 fn who_pushes_is_told_that_nobody_pulls() {
-    let (mut push, denoised) = push::start(layout(47, 90), options());
+    let (mut push, denoised) = push::start(layout(47, 90), options()).unwrap();
     drop(denoised);
     assert!(matches!(push_to(&mut push, 90), Err(Error::Cancelled)));
 }
@@ -117,7 +117,7 @@ fn who_pushes_is_told_that_nobody_pulls() {
 #[test]
 fn rows_out_of_order_or_of_another_size_are_refused() {
     let wanted = layout(47, 90);
-    let (mut push, _denoised) = push::start(wanted, options());
+    let (mut push, _denoised) = push::start(wanted, options()).unwrap();
     let row = InputRow::new(&wanted);
     let refused = |result: Result<(), Error>| match result {
         Err(Error::Usage(reason)) => reason,

@@ -37,7 +37,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         threads: NonZeroUsize::MIN,
     };
 
-    let (mut push, denoised) = push::start(layout, options);
+    let (mut push, denoised) = push::start(layout, options)?;
     let pulled = std::thread::spawn(move || denoised.collect::<Result<Vec<_>, _>>());
     let mut frame = Framebuffer::new(&layout);
     for (count, bucket) in shuffled_buckets().into_iter().enumerate() {

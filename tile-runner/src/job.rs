@@ -186,6 +186,7 @@ pub fn denoise(
     let mut rewrite = input.rewrite(options.extra)?;
     let (schedule, plan) = plan::schedule(input, &rewrite, options);
     plan.check(options.memory_limit)?;
+    memory::check_available(&plan, schedule.all_threads())?;
     let rows = match options.band {
         Some(band) => band.restrict(&mut rewrite, input.file())?,
         None => 0..input.height(),
@@ -247,8 +248,8 @@ fn run(
         return pipeline::denoise(source, sink, options, progress);
     }
     std::thread::scope(|scope| {
-        let mut ahead = ReadAhead::start(scope, source, rows);
-        let mut behind = WriteBehind::start(scope, sink, rows);
+        let mut ahead = ReadAhead::start(scope, source, rows)?;
+        let mut behind = WriteBehind::start(scope, sink, rows)?;
         let report = pipeline::denoise(&mut ahead, &mut behind, options, progress);
         drop(ahead);
         // what went wrong at the far end is the reason for what the pipeline saw

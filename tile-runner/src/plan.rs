@@ -28,6 +28,13 @@ pub struct Schedule {
     pub codes_at_once: bool,
 }
 
+impl Schedule {
+    /// Threads that compute, read and write.
+    pub fn all_threads(self) -> usize {
+        self.threads.get() + if self.rows_in_flight > 0 { 2 } else { 0 }
+    }
+}
+
 /// The fastest schedule that keeps within the limit of `options`, and its plan; the most frugal one if none does, which
 /// [`MemoryPlan::check`] tells.
 pub fn schedule(input: &Input, rewrite: &Rewrite, options: &JobOptions) -> (Schedule, MemoryPlan) {

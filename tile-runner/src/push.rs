@@ -9,19 +9,19 @@
 
 use std::ops::ControlFlow;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
-use std::thread::JoinHandle;
+use std::thread::{Builder, JoinHandle};
 
 use crate::error::Error;
 use crate::overlap::ROWS_IN_FLIGHT;
 use crate::pipeline::{self, Options, Report};
 use crate::row::{InputRow, OutputRow, RowLayout, RowSink, RowSource};
 
-/// Begins to denoise an image whose rows will be pushed.
-pub fn start(layout: RowLayout, options: Options) -> (Push, Denoised) {
+/// Begins to denoise an image whose rows will be pushed. [`Error::Budget`] if the system gives no thread.
+pub fn start(layout: RowLayout, options: Options) -> Result<(Push, Denoised), Error> {
     let (push, pushed) = sync_channel(ROWS_IN_FLIGHT);
     let (used, free) = channel();
     let (denoised, rows) = sync_channel(ROWS_IN_FLIGHT);
-    let pipeline = std::thread::spawn(move || {
+    let denoise = move || {
         let mut source = Pushed {
             layout,
             rows: pushed,
@@ -30,7 +30,10 @@ pub fn start(layout: RowLayout, options: Options) -> (Push, Denoised) {
         let mut sink = Pulled(denoised);
         let go_on = &mut |_| ControlFlow::Continue(());
         pipeline::denoise(&mut source, &mut sink, &options, go_on)
-    });
+    };
+    let pipeline = Builder::new()
+        .spawn(denoise)
+        .map_err(|error| Error::Budget(format!("can't start a thread: {error}")))?;
     let push = Push {
         layout,
         next: 0,
@@ -42,7 +45,7 @@ pub fn start(layout: RowLayout, options: Options) -> (Push, Denoised) {
         pipeline: Some(pipeline),
         report: None,
     };
-    (push, denoised)
+    Ok((push, denoised))
 }
 
 /// Takes the rows of an image. Dropped before the last row, it ends the run with [`Error::Cancelled`].

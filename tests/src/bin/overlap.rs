@@ -67,8 +67,8 @@ fn read_and_write(input: &Input, output: &Path) -> Result<f64, Box<dyn Error>> {
     let codec = SharedCodec::default();
     let mut sink = ExrSink::create(output, input.file().clone(), plan, &codec, u64::MAX, stop)?;
     std::thread::scope(|scope| -> Result<(), linpred::error::Error> {
-        let mut ahead = ReadAhead::start(scope, &mut source, ROWS_IN_FLIGHT);
-        let mut behind = WriteBehind::start(scope, &mut sink, ROWS_IN_FLIGHT);
+        let mut ahead = ReadAhead::start(scope, &mut source, ROWS_IN_FLIGHT)?;
+        let mut behind = WriteBehind::start(scope, &mut sink, ROWS_IN_FLIGHT)?;
         let (mut row, mut out) = (InputRow::new(&layout), OutputRow::new(&layout));
         for y in 0..layout.size.height() {
             ahead.read_row(y, &mut row)?;
