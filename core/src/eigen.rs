@@ -37,18 +37,28 @@ impl<const D: usize> SymmetricEigen<D> {
             )
         };
         let mut rotated = matrix.map(|row| row.map(|v| [v]));
-        let (values, rows, [finite]) = decorrelate(&mut rotated, 0.0);
-        if !finite {
+        let found = decorrelate(&mut rotated, 0.0);
+        if found.finite != [true] {
             return None;
         }
-        let mut values = values.map(|[v]| v);
-        let mut vectors = rows.map(|row| row.map(|[v]| v));
+        let mut values = found.values.map(|[v]| v);
+        let mut vectors = found.vectors.map(|row| row.map(|[v]| v));
         sort_falling(&mut values, &mut vectors);
         Some(Self { values, vectors })
     }
 }
 
-/// `L` matrices side by side: eigenvalues in no order, the eigenvector of each, and whether the matrix was finite.
+/// `L` decomposed matrices.
+pub(crate) struct Decomposed<const D: usize, const L: usize> {
+    /// Eigenvalues, in no order.
+    pub(crate) values: [[f32; L]; D],
+    /// The eigenvector of each.
+    pub(crate) vectors: [[[f32; L]; D]; D],
+    /// Whether the matrix was.
+    pub(crate) finite: [bool; L],
+}
+
+/// Decomposes `L` matrices side by side.
 ///
 /// Ends when no two directions of any matrix correlate by more than `correlation`: the vectors are as orthonormal as
 /// with 0, the values right to about `correlation^2` of themselves, for half the sweeps. A lane whose matrix is there
@@ -57,7 +67,7 @@ impl<const D: usize> SymmetricEigen<D> {
 pub(crate) fn decorrelate<const D: usize, const L: usize>(
     matrix: &mut [[[f32; L]; D]; D],
     correlation: f32,
-) -> ([[f32; L]; D], [[[f32; L]; D]; D], [bool; L]) {
+) -> Decomposed<D, L> {
     let (scale, finite) = scale_and_mirror(matrix);
     let mut vectors = [[[0.0; L]; D]; D];
     for i in 0..D {
@@ -75,7 +85,11 @@ pub(crate) fn decorrelate<const D: usize, const L: usize>(
         }
         lanes_stay_innermost();
     }
-    (values, vectors, finite)
+    Decomposed {
+        values,
+        vectors,
+        finite,
+    }
 }
 
 /// Brings each matrix into [-1, 1], so that no product in a rotation overflows and thresholds are relative; its scale, and whether

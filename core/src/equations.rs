@@ -167,12 +167,15 @@ fn add_moments<const T: usize, const L: usize, const N: usize>(
     lanes_stay_innermost();
 }
 
+/// Regressors of `N` pixels in double precision.
+type Wide<const T: usize, const L: usize, const N: usize> = Aligned<[[[f64; L]; T]; N]>;
+
 /// `z` and `w z`.
 #[inline(always)]
 fn weighted<const T: usize, const L: usize, const N: usize>(
     z: &[[[f32; L]; T]; N],
     weight: &[[f32; L]; N],
-) -> (Aligned<[[[f64; L]; T]; N]>, Aligned<[[[f64; L]; T]; N]>) {
+) -> (Wide<T, L, N>, Wide<T, L, N>) {
     let mut wide = Aligned([[[0.0; L]; T]; N]);
     let mut scaled = Aligned([[[0.0; L]; T]; N]);
     for p in 0..N {

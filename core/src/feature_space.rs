@@ -13,7 +13,7 @@
     reason = "the loops follow the indices of the formulas"
 )]
 
-use crate::eigen::decorrelate;
+use crate::eigen::{Decomposed, decorrelate};
 use crate::equations::Aligned;
 use crate::lanes::lanes_stay_innermost;
 use crate::tile::WINDOW_AREA;
@@ -73,13 +73,13 @@ pub(crate) fn find_basis<const D: usize, const L: usize>(
             noise[l] += variances[j][l] * scale[j][l] * scale[j][l];
         }
     }
-    let (values, vectors, finite) = decorrelate(&mut gramian, CORRELATION);
+    let found = decorrelate(&mut gramian, CORRELATION);
     basis.axes = [[[0.0; L]; D]; D];
     for l in 0..L {
         let threshold = norm_factor * norm_factor * noise[l];
         basis.rank[l] = 0;
-        if finite[l] {
-            keep_strongest(&values, &vectors, threshold, l, basis);
+        if found.finite[l] {
+            keep_strongest(&found, threshold, l, basis);
         }
     }
 }
@@ -192,29 +192,28 @@ fn within(value: f32, low: f32, high: f32) -> f32 {
 /// Directions of lane `l` whose eigenvalue is above the threshold, strongest first.
 #[inline(always)]
 fn keep_strongest<const D: usize, const L: usize>(
-    values: &[[f32; L]; D],
-    vectors: &[[[f32; L]; D]; D],
+    found: &Decomposed<D, L>,
     threshold: f32,
     l: usize,
     basis: &mut Basis<D, L>,
 ) {
     let mut largest = 0.0f32;
     for m in 0..D {
-        largest = largest.max(values[m][l]);
+        largest = largest.max(found.values[m][l]);
     }
     let threshold = threshold.max(ROUNDING * ROUNDING * largest);
     for m in 0..D {
-        let value = values[m][l];
+        let value = found.values[m][l];
         if value > threshold && value > 0.0 {
             // Its place among those kept; of equal ones the first comes first.
             let mut place = 0;
             for n in 0..D {
-                let stronger = values[n][l] > value || (values[n][l] == value && n < m);
+                let stronger = found.values[n][l] > value || (found.values[n][l] == value && n < m);
                 place += usize::from(stronger);
             }
             if let Some(axis) = basis.axes.get_mut(place) {
                 for j in 0..D {
-                    axis[j][l] = vectors[m][j][l];
+                    axis[j][l] = found.vectors[m][j][l];
                 }
             }
             basis.rank[l] += 1;

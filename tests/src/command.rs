@@ -85,6 +85,16 @@ impl Ran {
         self
     }
 
+    /// The bytes that the plan of a `--dry-run` comes to; plans are printed to a tenth of a mebibyte.
+    #[track_caller]
+    pub fn planned_bytes(&self) -> u64 {
+        let stdout = self.stdout();
+        let total = stdout.lines().find(|line| line.ends_with("in all"));
+        let number = total.and_then(|line| line.split_whitespace().next());
+        let mebibytes: f64 = number.expect("a plan").parse().expect("a number");
+        (mebibytes * f64::from(1 << 20)) as u64
+    }
+
     /// Standard error contains each of these.
     #[track_caller]
     pub fn complains_about(self, words: &[&str]) -> Self {

@@ -18,10 +18,7 @@ fn planned(folder: &Path, options: &[&str]) -> u64 {
         "--dry-run",
     ];
     arguments.extend(options);
-    let text = linpred(arguments).succeeds().stdout();
-    let line = text.lines().find(|line| line.ends_with("in all")).unwrap();
-    let mebibytes: f64 = line.split_whitespace().next().unwrap().parse().unwrap();
-    (mebibytes * (1 << 20) as f64) as u64
+    linpred(arguments).succeeds().planned_bytes()
 }
 
 /// Denoises; gives the most memory that was in use, bytes, where the system tells.

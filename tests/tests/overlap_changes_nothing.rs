@@ -57,8 +57,8 @@ impl RowSink for Memory {
 fn copy(source: &mut Numbers, sink: &mut Memory) -> Result<(), Error> {
     let rows = NonZeroUsize::new(source.rows).unwrap().get();
     thread::scope(|scope| {
-        let mut ahead = ReadAhead::start(scope, source, 5);
-        let mut behind = WriteBehind::start(scope, sink, 5);
+        let mut ahead = ReadAhead::start(scope, source, 5).unwrap();
+        let mut behind = WriteBehind::start(scope, sink, 5).unwrap();
         let mut input = InputRow::new(&ahead.layout());
         let copied = (0..rows).try_for_each(|y| {
             ahead.read_row(y, &mut input)?;

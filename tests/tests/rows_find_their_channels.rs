@@ -46,7 +46,15 @@ fn rows(input: &Input) -> Vec<InputRow> {
 fn write_constants(input: &Input, output: &Path, extra: ExtraLayers) {
     let plan = input.rewrite(extra).unwrap();
     let stop = Arc::new(AtomicBool::new(false));
-    let mut sink = ExrSink::create(output, input.file().clone(), plan, LIMIT, stop).unwrap();
+    let mut sink = ExrSink::create(
+        output,
+        input.file().clone(),
+        plan,
+        input.file().codec(),
+        LIMIT,
+        stop,
+    )
+    .unwrap();
     let plane = |value| vec![value; SIZE.0];
     let row = OutputRow {
         colour: [plane(0.5), plane(1.5), plane(2.5)],
@@ -274,7 +282,15 @@ fn a_colour_beyond_half_precision_is_clamped_and_counted() {
     let input = open(&path, &[]);
     let plan = input.rewrite(ExtraLayers::default()).unwrap();
     let stop = Arc::new(AtomicBool::new(false));
-    let mut sink = ExrSink::create(&output, input.file().clone(), plan, LIMIT, stop).unwrap();
+    let mut sink = ExrSink::create(
+        &output,
+        input.file().clone(),
+        plan,
+        input.file().codec(),
+        LIMIT,
+        stop,
+    )
+    .unwrap();
     let row = OutputRow {
         colour: [(); 3].map(|()| vec![1e6; SIZE.0]),
         ..OutputRow::default()
@@ -294,7 +310,15 @@ fn an_unfinished_sink_leaves_nothing() {
     let input = open(&path, &[]);
     let plan = input.rewrite(ExtraLayers::default()).unwrap();
     let stop = Arc::new(AtomicBool::new(false));
-    let sink = ExrSink::create(&output, input.file().clone(), plan, LIMIT, stop).unwrap();
+    let sink = ExrSink::create(
+        &output,
+        input.file().clone(),
+        plan,
+        input.file().codec(),
+        LIMIT,
+        stop,
+    )
+    .unwrap();
     assert!(folder.path().join("out.exr.part").exists());
     drop(sink);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use linpred_tests::command::{Ran, linpred};
-use linpred_tests::images::{colour, part, write};
+use linpred_tests::images::{colour, everything, half, part, write};
 
 const SIZE: (usize, usize) = (8, 8);
 
@@ -115,4 +115,20 @@ fn names_without_a_place_for_the_number_are_refused() {
     denoise(folder.path(), "nothing.####.exr", "out.####.exr", &[])
         .exits_with(3)
         .complains_about(&["no such frames"]);
+}
+
+#[test]
+fn what_is_the_same_for_every_frame_is_said_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut channels = everything(64);
+    for name in ["halfA", "halfB"] {
+        channels.extend(["R", "G", "B"].map(|c| half(&format!("{name}.{c}"), 64, 5)));
+    }
+    for number in 1..=3 {
+        let path = folder.path().join(format!("shot.{number:04}.exr"));
+        write(&path, SIZE, vec![part(channels.clone())]);
+    }
+    let ran = denoise(folder.path(), "shot.####.exr", "out.####.exr", &[]).succeeds();
+    let notes = ran.stderr().matches("half buffers not used").count();
+    assert_eq!(notes, 1, "{}", ran.stderr());
 }

@@ -10,6 +10,7 @@ use linpred_core::Params;
 use crate::band::{Band, BandSink, BandSource};
 use crate::error::Error;
 use crate::exr_file::ExrFile;
+use crate::exr_file::codec::SharedCodec;
 use crate::geometry::ImageSize;
 use crate::layers::{self, Layer};
 use crate::memory;
@@ -185,6 +186,7 @@ pub fn denoise(
     let mut rewrite = input.rewrite(options.extra)?;
     let (schedule, plan) = plan::schedule(input, &rewrite, options);
     plan.check(options.memory_limit)?;
+    memory::check_available(&plan, schedule.all_threads())?;
     let rows = match options.band {
         Some(band) => band.restrict(&mut rewrite, input.file())?,
         None => 0..input.height(),
@@ -192,7 +194,18 @@ pub fn denoise(
     let mut source = BandSource::new(input.source(options.memory_limit)?, &rows);
     let within = rows.start - source.first()..rows.end - source.first();
     let limit = options.memory_limit;
-    let sink = ExrSink::create(output, input.file().clone(), rewrite, limit, stop.clone())?;
+    let codec = match schedule.codes_at_once {
+        true => SharedCodec::default(),
+        false => input.file().codec().clone(),
+    };
+    let sink = ExrSink::create(
+        output,
+        input.file().clone(),
+        rewrite,
+        &codec,
+        limit,
+        stop.clone(),
+    )?;
     let mut sink = BandSink::new(sink, within.clone());
     let mut told = |done: usize| {
         progress(done.min(within.end).saturating_sub(within.start));
@@ -235,8 +248,8 @@ fn run(
         return pipeline::denoise(source, sink, options, progress);
     }
     std::thread::scope(|scope| {
-        let mut ahead = ReadAhead::start(scope, source, rows);
-        let mut behind = WriteBehind::start(scope, sink, rows);
+        let mut ahead = ReadAhead::start(scope, source, rows)?;
+        let mut behind = WriteBehind::start(scope, sink, rows)?;
         let report = pipeline::denoise(&mut ahead, &mut behind, options, progress);
         drop(ahead);
         // what went wrong at the far end is the reason for what the pipeline saw

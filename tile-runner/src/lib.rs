@@ -21,6 +21,7 @@ mod part_in_progress;
 pub mod pipeline;
 pub mod plan;
 pub mod presets;
+pub mod push;
 pub mod rewrite;
 pub mod roles;
 pub mod row;

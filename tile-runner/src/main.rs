@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use clap::Parser;
 
 fn main() -> ExitCode {
+    cli::allocator::give_large_buffers_back();
     let arguments = cli::args::Arguments::parse();
     cli::log::start(&arguments.log);
     let result = match arguments.command {

@@ -48,6 +48,28 @@ impl MemoryPlan {
     }
 }
 
+/// Address space of a thread's stack: what the standard library asks for.
+const STACK: u64 = 2 << 20;
+
+/// Asks the system for what `plan` and `threads` threads will take, and gives it back. [`Error::Budget`] where it can't be had: an allocation
+/// that fails on the way would end the process, and leave a `.part` behind.
+pub fn check_available(plan: &MemoryPlan, threads: usize) -> Result<(), Error> {
+    let bytes = plan
+        .total()
+        .saturating_add(STACK.saturating_mul(threads as u64));
+    let mut probe: Vec<u8> = Vec::new();
+    let reserved = usize::try_from(bytes).is_ok_and(|bytes| probe.try_reserve_exact(bytes).is_ok());
+    // or else the compiler may leave out an allocation that nobody looks at
+    std::hint::black_box(&mut probe);
+    match reserved {
+        true => Ok(()),
+        false => Err(Error::Budget(format!(
+            "the system does not give {} of memory (ulimit -v, or a container's limit); fewer --threads or a lower --max-memory take less",
+            mebibytes(bytes)
+        ))),
+    }
+}
+
 impl fmt::Display for MemoryPlan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (what, bytes) in &self.entries {

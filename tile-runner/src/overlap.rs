@@ -5,7 +5,7 @@
 //! that is written, or at the end.
 
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
-use std::thread::{Scope, ScopedJoinHandle};
+use std::thread::{Builder, Scope, ScopedJoinHandle};
 
 use crate::error::Error;
 use crate::row::{InputRow, OutputRow, RowLayout, RowSink, RowSource};
@@ -23,16 +23,16 @@ pub struct ReadAhead {
 
 impl ReadAhead {
     /// Begins to read `source` from row 0 on a thread of `scope`, `ahead` rows ahead. The thread ends after the last row, after an error, or when
-    /// the value is dropped.
+    /// the value is dropped. [`Error::Budget`] if the system gives no thread.
     pub fn start<'scope>(
         scope: &'scope Scope<'scope, '_>,
         source: &'scope mut dyn RowSource,
         ahead: usize,
-    ) -> Self {
+    ) -> Result<Self, Error> {
         let layout = source.layout();
         let (filled, rows) = sync_channel(ahead);
         let (used, free) = channel::<InputRow>();
-        scope.spawn(move || {
+        let read = move || {
             for y in 0..layout.size.height() {
                 let mut row = free.try_recv().unwrap_or_else(|_| InputRow::new(&layout));
                 let result = source.read_row(y, &mut row).map(|()| row);
@@ -42,8 +42,9 @@ impl ReadAhead {
                     return;
                 }
             }
-        });
-        Self { layout, rows, used }
+        };
+        spawn(scope, "that reads", read)?;
+        Ok(Self { layout, rows, used })
     }
 }
 
@@ -63,6 +64,16 @@ impl RowSource for ReadAhead {
     }
 }
 
+/// Starts a thread; `what` tells which in the error.
+fn spawn<'scope, T: Send + 'scope>(
+    scope: &'scope Scope<'scope, '_>,
+    what: &str,
+    work: impl FnOnce() -> T + Send + 'scope,
+) -> Result<ScopedJoinHandle<'scope, T>, Error> {
+    let started = Builder::new().spawn_scoped(scope, work);
+    started.map_err(|error| Error::Budget(format!("can't start the thread {what}: {error}")))
+}
+
 /// A sink that another thread writes to.
 #[derive(Debug)]
 pub struct WriteBehind<'scope> {
@@ -72,23 +83,24 @@ pub struct WriteBehind<'scope> {
 }
 
 impl<'scope> WriteBehind<'scope> {
-    /// Begins to write to `sink` on a thread of `scope`, at most `behind` rows behind.
+    /// Begins to write to `sink` on a thread of `scope`, at most `behind` rows behind. [`Error::Budget`] if the system gives no thread.
     pub fn start(
         scope: &'scope Scope<'scope, '_>,
         sink: &'scope mut dyn RowSink,
         behind: usize,
-    ) -> Self {
+    ) -> Result<Self, Error> {
         let (rows, filled) = sync_channel::<(usize, OutputRow)>(behind);
         let (used, free) = channel();
-        let writer = scope.spawn(move || {
+        let write = move || {
             for (y, row) in filled {
                 sink.write_row(y, &row)?;
                 // a pipeline that has finished needs no rows
                 let _ = used.send(row);
             }
             Ok(())
-        });
-        Self { rows, free, writer }
+        };
+        let writer = spawn(scope, "that writes", write)?;
+        Ok(Self { rows, free, writer })
     }
 
     /// Waits until every row is written; the error of the row that could not be, if there is one.

@@ -6,6 +6,7 @@ use exr::meta::attribute::{ChannelList, IntegerBounds, SampleType};
 use half::f16;
 
 use crate::error::Error;
+use crate::exr_file::codec::SharedCodec;
 use crate::exr_file::writer::ExrWriter;
 use crate::exr_file::{ExrFile, PartRows, check_decodable};
 use crate::rewrite::{Fill, RewrittenPart};
@@ -20,8 +21,9 @@ pub(crate) struct PartInProgress {
     first_row: usize,
     /// Samples of each channel that is not kept, row by row; empty for those that are.
     denoised: Vec<Vec<u8>>,
-    /// The input, whose codec is shared.
     input: Arc<ExrFile>,
+    /// What decodes the input's blocks once more, and encodes the output's.
+    codec: SharedCodec,
     /// The block that is being written.
     block: Vec<u8>,
     /// The block of the input that it is made of, where the channels differ.
@@ -44,6 +46,7 @@ impl PartInProgress {
     pub(crate) fn new(
         plan: RewrittenPart,
         input: &Arc<ExrFile>,
+        codec: &SharedCodec,
         first_row: usize,
         limit: u64,
     ) -> Result<Self, Error> {
@@ -55,7 +58,7 @@ impl PartInProgress {
             check_decodable(input, plan.index, limit)?;
             Kept::Blocks
         } else {
-            let mut rows = PartRows::new(input.clone(), plan.index, limit)?;
+            let mut rows = PartRows::new(input.clone(), codec.clone(), plan.index, limit)?;
             for fill in &plan.fills {
                 if let Fill::Input(channel) = fill {
                     rows.keep(*channel);
@@ -70,6 +73,7 @@ impl PartInProgress {
             first_row,
             denoised,
             input: input.clone(),
+            codec: codec.clone(),
             block: Vec::new(),
             decoded: Vec::new(),
         })
@@ -120,8 +124,8 @@ impl PartInProgress {
         for column in 0..grid.columns() {
             self.assemble(column, block_row)?;
             let bounds = grid.bounds(column, block_row);
-            self.input
-                .codec()
+            self.codec
+                .lock()
                 .encode(&self.plan.header, &mut self.block, bounds)
                 .map_err(|error| {
                     Error::Unsupported(format!(
@@ -191,7 +195,7 @@ impl PartInProgress {
                     &mut self.decoded
                 };
                 self.input
-                    .decode_block(self.plan.index, place, |_| true, decoded)?;
+                    .decode_block(&self.codec, self.plan.index, place, |_| true, decoded)?;
                 if same {
                     return Ok(());
                 }

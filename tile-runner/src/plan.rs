@@ -3,8 +3,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZeroUsize;
 
+use exr::meta::attribute::Compression;
+
 use crate::exr_file::Part;
-use crate::exr_file::codec::blocks_while_coding;
+use crate::exr_file::codec::{blocks_while_coding, coded_at_once};
 use crate::job::{Input, JobOptions};
 use crate::memory::MemoryPlan;
 use crate::overlap::ROWS_IN_FLIGHT;
@@ -22,45 +24,74 @@ pub struct Schedule {
     pub threads: NonZeroUsize,
     /// Rows read ahead, and rows waiting to be written; with 0 one thread reads, computes and writes in turn.
     pub rows_in_flight: usize,
+    /// Whether blocks are decoded and encoded at once, each with working memory of its own, or in turn.
+    pub codes_at_once: bool,
+}
+
+impl Schedule {
+    /// Threads that compute, read and write.
+    pub fn all_threads(self) -> usize {
+        self.threads.get() + if self.rows_in_flight > 0 { 2 } else { 0 }
+    }
 }
 
 /// The fastest schedule that keeps within the limit of `options`, and its plan; the most frugal one if none does, which
 /// [`MemoryPlan::check`] tells.
 pub fn schedule(input: &Input, rewrite: &Rewrite, options: &JobOptions) -> (Schedule, MemoryPlan) {
-    let mut frugal = schedules(options.pipeline.threads).into_iter();
-    let mut schedule = Schedule {
+    let threads = options.pipeline.threads;
+    let frugal = Schedule {
         threads: NonZeroUsize::MIN,
         rows_in_flight: 0,
+        codes_at_once: false,
     };
-    loop {
-        schedule = frugal.next().unwrap_or(schedule);
-        let plan = memory_plan(input, rewrite, schedule);
-        if plan.total() <= options.memory_limit || frugal.len() == 0 {
-            return (schedule, plan);
-        }
-    }
+    let plan = |schedule| (schedule, memory_plan(input, rewrite, schedule));
+    let fits = |(_, plan): &(Schedule, MemoryPlan)| plan.total() <= options.memory_limit;
+    schedules(threads, may_code_at_once(input, rewrite))
+        .into_iter()
+        .map(plan)
+        .find(fits)
+        .unwrap_or_else(|| plan(frugal))
 }
 
 /// Schedules from the fastest to the most frugal.
-fn schedules(threads: NonZeroUsize) -> Vec<Schedule> {
+fn schedules(threads: NonZeroUsize, at_once: bool) -> Vec<Schedule> {
     let mut all = Vec::new();
     if threads.get() > 1 {
-        for rows_in_flight in [ROWS_IN_FLIGHT, 8, 2] {
-            all.push(Schedule {
-                threads,
-                rows_in_flight,
-            });
-        }
+        let overlapped = [
+            (ROWS_IN_FLIGHT, true),
+            (ROWS_IN_FLIGHT, false),
+            (8, false),
+            (2, false),
+        ];
+        let possible = overlapped.into_iter().filter(|(_, own)| at_once || !own);
+        all.extend(possible.map(|(rows_in_flight, codes_at_once)| Schedule {
+            threads,
+            rows_in_flight,
+            codes_at_once,
+        }));
     }
     let mut fewer = Some(threads);
     while let Some(threads) = fewer {
         all.push(Schedule {
             threads,
             rows_in_flight: 0,
+            codes_at_once: false,
         });
         fewer = NonZeroUsize::new(threads.get() / 2);
     }
     all
+}
+
+/// Whether every compression that is decoded or encoded allows it.
+fn may_code_at_once(input: &Input, rewrite: &Rewrite) -> bool {
+    let files = input.names.files();
+    let read = input
+        .channels()
+        .into_iter()
+        .map(|at| &files[at.file].parts()[at.part].header);
+    let written = rewrite.rewritten.iter().map(|part| &part.header);
+    read.chain(written)
+        .all(|header| coded_at_once(header.compression))
 }
 
 /// What denoising `input` will hold in memory: file blocks, and the pipeline's bands of rows.
@@ -68,6 +99,7 @@ pub fn memory_plan(input: &Input, rewrite: &Rewrite, schedule: Schedule) -> Memo
     let mut plan = MemoryPlan::default();
     plan.add("the program", PROGRAM);
     add_reading(&mut plan, input);
+    add_coding(&mut plan, input, rewrite, schedule);
     add_writing(&mut plan, input, rewrite);
     let layout = input.layout();
     plan.add("computing", pipeline::bytes(&layout, schedule.threads));
@@ -92,7 +124,6 @@ fn add_reading(plan: &mut MemoryPlan, input: &Input) {
             .or_default()
             .insert(at.channel);
     }
-    let mut coding = vec![0; files.len()];
     for ((file, part), channels) in channels {
         let part = &files[file].parts()[part];
         let list = &part.header.channels.list;
@@ -104,15 +135,6 @@ fn add_reading(plan: &mut MemoryPlan, input: &Input) {
         let bytes = part.block_row_bytes() / pixel * kept as u64;
         let what = format!("{} of the channels of {}", channels.len(), describe(part));
         plan.add(format!("reading {what}"), bytes);
-        coding[file] = coding[file].max(coding_bytes(part));
-    }
-    for part in input.file().parts() {
-        coding[0] = coding[0].max(coding_bytes(part));
-    }
-    for (file, bytes) in files.iter().zip(coding) {
-        let largest = file.parts().iter().max_by_key(|part| coding_bytes(part));
-        let what = largest.map_or(String::new(), describe);
-        plan.add(format!("decoding and encoding {what}"), bytes);
     }
     let chunks = files
         .iter()
@@ -122,7 +144,45 @@ fn add_reading(plan: &mut MemoryPlan, input: &Input) {
     plan.add("offset tables", chunks.sum::<u64>().saturating_mul(16));
 }
 
-/// Blocks are coded one at a time (see `ExrFile::codec`).
+/// Working memory of the codecs: one for each file that is read, which codes the output too unless that has its own.
+fn add_coding(plan: &mut MemoryPlan, input: &Input, rewrite: &Rewrite, schedule: Schedule) {
+    let files = input.names.files();
+    let mut read: Vec<Vec<&Part>> = vec![Vec::new(); files.len()];
+    for at in input.channels() {
+        read[at.file].push(&files[at.file].parts()[at.part]);
+    }
+    let rewritten = rewrite.rewritten.iter();
+    let written: Vec<&Part> = rewritten
+        .map(|part| &input.file().parts()[part.index])
+        .collect();
+    if !schedule.codes_at_once {
+        read[0].extend(&written);
+    }
+    let mut add = |what: &str, parts: &[&Part]| {
+        if let Some(largest) = parts.iter().max_by_key(|part| coding_bytes(part)) {
+            plan.add(
+                format!("{what} {}", describe(largest)),
+                coding_bytes(largest),
+            );
+        }
+    };
+    for parts in &read {
+        add(
+            if schedule.codes_at_once {
+                "decoding"
+            } else {
+                "decoding and encoding"
+            },
+            parts,
+        );
+    }
+    if schedule.codes_at_once {
+        add("encoding", &written);
+    }
+}
+
+/// Working memory to code a block of a part as it is in the input. A part that is written with another compression than its own is
+/// written with zip, which takes less.
 fn coding_bytes(part: &Part) -> u64 {
     let blocks = blocks_while_coding(part.header.compression);
     part.block_bytes().saturating_mul(blocks)
@@ -158,13 +218,14 @@ fn add_writing(plan: &mut MemoryPlan, input: &Input, rewrite: &Rewrite) {
 }
 
 fn describe(part: &Part) -> String {
+    let compression = match part.header.compression {
+        Compression::Uncompressed => "uncompressed".to_owned(),
+        Compression::ZIP1 | Compression::ZIP16 => "zip".to_owned(),
+        other => other.to_string().replace(" compression", ""),
+    };
     format!(
-        "{} ({} blocks of {} rows x {} channels)",
+        "{} ({compression}, blocks of {} rows x {} channels)",
         part.label(),
-        part.header
-            .compression
-            .to_string()
-            .replace(" compression", ""),
         part.grid.block_height().min(part.header.layer_size.1),
         part.header.channels.list.len()
     )

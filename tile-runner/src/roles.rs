@@ -136,7 +136,9 @@ impl<'a> Search<'a> {
             rules
                 .flat_map(|rule| rule.patterns.iter().map(move |pattern| (rule, pattern)))
                 .find_map(|(rule, pattern)| {
-                    let (channels, which) = self.matched(rule, *pattern)?;
+                    let (channels, which) = self
+                        .matched(rule, *pattern)
+                        .filter(|(channels, _)| self.decodable(channels))?;
                     let rule = Assignment {
                         role,
                         channels,

@@ -68,6 +68,24 @@ impl InputRow {
         }
     }
 
+    /// Whether its planes have the sizes of a row made for `layout`.
+    pub fn fits(&self, layout: &RowLayout) -> bool {
+        let width = layout.size.width();
+        let whole = |planes: &[Vec<f32>]| planes.iter().all(|plane| plane.len() == width);
+        let features = |planes: &[Vec<f32>; FEATURES]| {
+            let present = planes.iter().zip(layout.features);
+            present
+                .map(|(plane, present)| (plane.len(), if present { width } else { 0 }))
+                .all(|(length, wanted)| length == wanted)
+        };
+        whole(&self.colour)
+            && whole(&self.variance)
+            && features(&self.features)
+            && features(&self.feature_variances)
+            && self.layers.len() == layout.layers
+            && self.layers.iter().all(|layer| whole(layer))
+    }
+
     /// Bytes of a row.
     pub fn bytes(layout: &RowLayout) -> u64 {
         let features = layout.features.iter().filter(|present| **present).count();

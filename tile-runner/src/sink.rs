@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::error::Error;
 use crate::exr_file::ExrFile;
+use crate::exr_file::codec::SharedCodec;
 use crate::exr_file::writer::ExrWriter;
 use crate::part_in_progress::PartInProgress;
 use crate::rewrite::Rewrite;
@@ -29,7 +30,8 @@ pub struct ExrSink {
 }
 
 impl ExrSink {
-    /// Begins the output of `plan`, which was made for `input`. Copies the parts before the first that is written anew.
+    /// Begins the output of `plan`, which was made for `input`. Copies the parts before the first that is written anew. Blocks are coded by
+    /// `codec`: the input's, to take turns with what reads it, or one of its own.
     ///
     /// [`Error::Write`] if the file cannot be created, [`Error::Budget`] if a row of blocks takes more than `limit` bytes,
     /// [`Error::Cancelled`] once `stop` is set.
@@ -37,13 +39,14 @@ impl ExrSink {
         path: &Path,
         input: Arc<ExrFile>,
         plan: Rewrite,
+        codec: &SharedCodec,
         limit: u64,
         stop: Arc<AtomicBool>,
     ) -> Result<Self, Error> {
         let parts = plan
             .rewritten
             .into_iter()
-            .map(|part| PartInProgress::new(part, &input, plan.first_row, limit))
+            .map(|part| PartInProgress::new(part, &input, codec, plan.first_row, limit))
             .collect::<Result<Vec<_>, Error>>()?;
         let first = parts.iter().map(|part| part.index()).min().unwrap_or(0);
         let written = |index: usize| parts.iter().any(|part| part.index() == index);

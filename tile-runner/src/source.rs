@@ -196,11 +196,15 @@ impl Planes {
     }
 
     fn open(&mut self, files: &[Arc<ExrFile>], at: ChannelRef, limit: u64) -> Result<(), Error> {
+        let file = &files[at.file];
         let rows = match self.parts.entry((at.file, at.part)) {
             Entry::Occupied(rows) => rows.into_mut(),
-            Entry::Vacant(free) => {
-                free.insert(PartRows::new(files[at.file].clone(), at.part, limit)?)
-            }
+            Entry::Vacant(free) => free.insert(PartRows::new(
+                file.clone(),
+                file.codec().clone(),
+                at.part,
+                limit,
+            )?),
         };
         rows.keep(at.channel);
         Ok(())

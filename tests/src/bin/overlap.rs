@@ -2,7 +2,8 @@
 //!
 //!     cargo run --release -p linpred-tests --bin overlap -- large.exr output.exr threads
 //!
-//! Reading and writing overlap each other as they do in a run; computing reads its rows from memory and drops its output.
+//! Reading and writing overlap each other as they do in a run; computing reads its rows from memory and drops its output. Processor
+//! seconds are printed too, where the system tells: unlike the others they say something on a machine that does more than this.
 
 use std::error::Error;
 use std::num::NonZeroUsize;
@@ -12,6 +13,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
+use linpred::exr_file::codec::SharedCodec;
 use linpred::job::{self, Input, InputRequest, JobOptions};
 use linpred::overlap::{ROWS_IN_FLIGHT, ReadAhead, WriteBehind};
 use linpred::pipeline::{self, Options};
@@ -43,30 +45,56 @@ fn main() -> Result<(), Box<dyn Error>> {
         band: None,
     };
     let output = Path::new(output);
-    let files = read_and_write(&input, output)?;
-    println!("reading and writing alone  {files:8.2} s");
-    let computing = compute(&input, &options.pipeline)?;
-    println!("computing alone            {computing:8.2} s");
-    let started = Instant::now();
-    let stop = Arc::new(AtomicBool::new(false));
-    job::denoise(&input, output, &options, &stop, &mut |_| {})?;
-    let whole = started.elapsed().as_secs_f64();
-    let ratio = whole / files.max(computing);
-    println!("whole run                  {whole:8.2} s, {ratio:.2} x the longer one");
+    let files = timed("reading and writing alone", || {
+        read_and_write(&input, output)
+    })?;
+    let mut rows = repeated_rows(&input)?;
+    let computing = timed("computing alone", || compute(&mut rows, &options.pipeline))?;
+    let whole = timed("whole run", || {
+        let stop = Arc::new(AtomicBool::new(false));
+        job::denoise(&input, output, &options, &stop, &mut |_| {}).map(drop)
+    })?;
+    println!("{:.2} times the longer one", whole / files.max(computing));
     Ok(())
 }
 
-/// Seconds to read what a run reads and to write what it writes.
-fn read_and_write(input: &Input, output: &Path) -> Result<f64, Box<dyn Error>> {
-    let started = Instant::now();
+/// Prints how long `work` takes, and gives its seconds.
+fn timed(
+    what: &str,
+    work: impl FnOnce() -> Result<(), linpred::error::Error>,
+) -> Result<f64, linpred::error::Error> {
+    let (started, before) = (Instant::now(), processor_seconds());
+    work()?;
+    let seconds = started.elapsed().as_secs_f64();
+    let processors = before.zip(processor_seconds()).map(|(a, b)| b - a);
+    let processors = processors.map_or(String::new(), |s| format!(", {s:.2} s of processors"));
+    println!("{what:26} {seconds:8.2} s{processors}");
+    Ok(seconds)
+}
+
+/// Processor time of this process so far, in Linux's hundredths of a second.
+fn processor_seconds() -> Option<f64> {
+    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
+    // the second field, the name, may hold anything but ends in the last parenthesis; user and system are the 14th and 15th
+    let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
+    let ticks = fields
+        .get(11..13)?
+        .iter()
+        .map(|field| field.parse::<f64>().ok());
+    Some(ticks.sum::<Option<f64>>()? / 100.0)
+}
+
+/// Reads what a run reads, and writes what it writes.
+fn read_and_write(input: &Input, output: &Path) -> Result<(), linpred::error::Error> {
     let mut source = input.source(u64::MAX)?;
     let layout = source.layout();
     let plan = input.rewrite(ExtraLayers::default())?;
     let stop = Arc::new(AtomicBool::new(false));
-    let mut sink = ExrSink::create(output, input.file().clone(), plan, u64::MAX, stop)?;
+    let codec = SharedCodec::default();
+    let mut sink = ExrSink::create(output, input.file().clone(), plan, &codec, u64::MAX, stop)?;
     std::thread::scope(|scope| -> Result<(), linpred::error::Error> {
-        let mut ahead = ReadAhead::start(scope, &mut source, ROWS_IN_FLIGHT);
-        let mut behind = WriteBehind::start(scope, &mut sink, ROWS_IN_FLIGHT);
+        let mut ahead = ReadAhead::start(scope, &mut source, ROWS_IN_FLIGHT)?;
+        let mut behind = WriteBehind::start(scope, &mut sink, ROWS_IN_FLIGHT)?;
         let (mut row, mut out) = (InputRow::new(&layout), OutputRow::new(&layout));
         for y in 0..layout.size.height() {
             ahead.read_row(y, &mut row)?;
@@ -75,12 +103,11 @@ fn read_and_write(input: &Input, output: &Path) -> Result<f64, Box<dyn Error>> {
         }
         behind.finish()
     })?;
-    sink.finish()?;
-    Ok(started.elapsed().as_secs_f64())
+    sink.finish().map(drop)
 }
 
-/// Seconds to denoise rows from memory into nothing.
-fn compute(input: &Input, options: &Options) -> Result<f64, Box<dyn Error>> {
+/// The first rows of a file.
+fn repeated_rows(input: &Input) -> Result<Repeated, linpred::error::Error> {
     let mut source = input.source(u64::MAX)?;
     let layout = source.layout();
     let mut rows = Vec::new();
@@ -89,11 +116,13 @@ fn compute(input: &Input, options: &Options) -> Result<f64, Box<dyn Error>> {
         source.read_row(y, &mut row)?;
         rows.push(row);
     }
-    let mut repeated = Repeated { layout, rows };
-    let started = Instant::now();
+    Ok(Repeated { layout, rows })
+}
+
+/// Denoises rows from memory into nothing.
+fn compute(rows: &mut Repeated, options: &Options) -> Result<(), linpred::error::Error> {
     let go_on = &mut |_| ControlFlow::Continue(());
-    pipeline::denoise(&mut repeated, &mut Nowhere, options, go_on)?;
-    Ok(started.elapsed().as_secs_f64())
+    pipeline::denoise(rows, &mut Nowhere, options, go_on).map(drop)
 }
 
 /// Rows from memory, forth and back.

@@ -1,5 +1,7 @@
 //! `linpred denoise`.
 
+use std::cell::RefCell;
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -36,6 +38,7 @@ pub(crate) fn run(arguments: DenoiseArguments, log: &LogArguments) -> Result<Exi
         progress: arguments.progress,
         log_format: log.log_format,
         stop: stop::on_signals(),
+        said: RefCell::default(),
     };
     let request = request(arguments.input);
     match frames::find(&request, &arguments.output, arguments.frames)? {
@@ -54,6 +57,8 @@ struct Run {
     progress: ProgressStyle,
     log_format: LogFormat,
     stop: Arc<AtomicBool>,
+    /// Notes that have been written: what holds for every frame is said once.
+    said: RefCell<BTreeSet<String>>,
 }
 
 impl Run {
@@ -67,13 +72,29 @@ impl Run {
         if self.dry_run {
             return dry_run(&input, &self.options);
         }
-        announce(&input, &self.options)?;
+        self.announce(&input)?;
         let label = request.path.display().to_string();
         let mut progress = Progress::new(self.progress, input.height(), label);
         let mut told = |rows| progress.set(rows);
         let result = job::denoise(&input, output, &self.options, &self.stop, &mut told);
         progress.end();
         report(&result?, started, self.log_format, output);
+        Ok(())
+    }
+
+    /// Says what a user should know before the job begins.
+    fn announce(&self, input: &Input) -> Result<(), Error> {
+        for assignment in &input.roles.assignments {
+            tracing::debug!("{}: {}", assignment.role.name(), assignment.rule);
+        }
+        let new = |note: &&String| self.said.borrow_mut().insert((*note).clone());
+        for note in input.roles.notes.iter().filter(new) {
+            tracing::info!("{note}");
+        }
+        let rewrite = input.rewrite(self.options.extra)?;
+        for note in rewrite.notes.iter().filter(new) {
+            tracing::warn!("{note}");
+        }
         Ok(())
     }
 
@@ -141,20 +162,6 @@ pub(crate) fn request(arguments: InputArguments) -> InputRequest {
         },
         layers: arguments.layers,
     }
-}
-
-/// Says what a user should know before the job begins.
-fn announce(input: &Input, options: &JobOptions) -> Result<(), Error> {
-    for assignment in &input.roles.assignments {
-        tracing::debug!("{}: {}", assignment.role.name(), assignment.rule);
-    }
-    for note in &input.roles.notes {
-        tracing::info!("{note}");
-    }
-    for note in input.rewrite(options.extra)?.notes {
-        tracing::warn!("{note}");
-    }
-    Ok(())
 }
 
 fn dry_run(input: &Input, options: &JobOptions) -> Result<(), Error> {

@@ -1,5 +1,6 @@
 //! Arguments in, exit code out.
 
+pub(crate) mod allocator;
 pub(crate) mod args;
 pub(crate) mod compare;
 pub(crate) mod denoise;

@@ -1,18 +1,33 @@
 //! Decodes and encodes blocks, one at a time.
 //!
-//! All compressions are the `exr` crate's but zip, the one most renders use: its deflate took three quarters of the time of
-//! reading and writing a file, and its buffers most of the memory. Measured on one megapixel of 26 channels (78 MiB of noise and
+//! All compressions are the `exr` crate's but zip and the encoding of PIZ. Zip is what most renders use: its deflate took three quarters of
+//! the time of reading and writing a file, and its buffers most of the memory. Measured on one megapixel of 26 channels (78 MiB of noise and
 //! features): `miniz_oxide` at level 4, the crate's, 774 ms for 27.1 MB; zlib-rs at level 4 387 ms for 27.5 MB. The buffers
 //! here are used again for every block, and a reader takes no more out of them than the channels that it wants.
 
 use std::ops::Range;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use exr::meta::attribute::{Compression, IntegerBounds};
 use exr::meta::header::Header;
 use flate2::{Compress, Decompress, FlushCompress, FlushDecompress, Status};
 
+use super::piz;
+
 /// Deflate level: OpenEXR's own default.
 const LEVEL: u32 = 4;
+
+/// A codec whose holders take turns, so that no more than one block's worth of working memory is in use between them.
+#[derive(Clone, Debug, Default)]
+pub struct SharedCodec(Arc<Mutex<BlockCodec>>);
+
+impl SharedCodec {
+    /// Waits for its turn.
+    pub fn lock(&self) -> MutexGuard<'_, BlockCodec> {
+        // its buffers are filled anew for every block, so a thread that died in one leaves nothing behind
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
 
 /// Codes one block after another; keeps its buffers and deflate's tables between them.
 #[derive(Debug)]
@@ -36,44 +51,61 @@ impl Default for BlockCodec {
     }
 }
 
-fn is_zip(header: &Header) -> bool {
-    matches!(header.compression, Compression::ZIP1 | Compression::ZIP16)
-        && cfg!(target_endian = "little")
+/// Whether blocks of this compression are coded here, in buffers that are used again.
+fn is_zip(compression: Compression) -> bool {
+    matches!(compression, Compression::ZIP1 | Compression::ZIP16) && cfg!(target_endian = "little")
 }
 
-/// Blocks, the coded one included, that are in memory while one of `compression` is decoded or encoded, beside the
-/// decoded one. Zip's are counted; those of PIZ and DWA are the growth of the process, measured on a 4096-wide render, and
-/// include what the allocator keeps back.
+/// Whether two blocks of this compression may be coded at once: those of zip, whose working memory is two blocks at most. What the others
+/// take would be too much twice.
+pub fn coded_at_once(compression: Compression) -> bool {
+    is_zip(compression) || compression == Compression::Uncompressed
+}
+
+/// Blocks of working memory that it takes at most to decode or encode one of `compression`, beside the decoded block itself. Counted for zip
+/// and PIZ; DWA's are measured, and those of the rest are what the `exr` crate copies.
 pub fn blocks_while_coding(compression: Compression) -> u64 {
     match compression {
+        // a payload, and the bytes in another order
         Compression::ZIP1 | Compression::ZIP16 => 2,
         Compression::Uncompressed => 1,
-        Compression::DWAA(_) | Compression::DWAB(_) => 6,
-        Compression::PIZ => 9,
+        Compression::DWAA(_) | Compression::DWAB(_) => 5,
+        // a payload, words, and the block before the wanted channels are taken out of it
+        Compression::PIZ => 3,
         _ => 3,
     }
 }
 
 impl BlockCodec {
-    /// Decodes the payload of the block `bounds`, and appends those of its bytes that lie in `wanted` to `out`: for each line, for
-    /// each channel, samples in native byte order.
+    /// Decodes the payload of the block `bounds` into `out`: those of its bytes that lie in `wanted`, for each line, for each channel, samples in
+    /// native byte order.
     pub(super) fn decode(
         &mut self,
         header: &Header,
         bounds: IntegerBounds,
-        wanted: impl Iterator<Item = Range<usize>>,
+        wanted: impl Iterator<Item = Range<usize>> + Clone,
         out: &mut Vec<u8>,
     ) -> Result<(), exr::error::Error> {
         let length = bounds.size.area() * header.channels.bytes_per_pixel;
-        if is_zip(header) && self.payload.len() != length {
+        let kept = wanted.clone().map(|range| range.len()).sum();
+        if is_zip(header.compression) && self.payload.len() != length {
             self.unzip(length)?;
+            out.clear();
+            out.reserve_exact(kept);
             wanted.for_each(|range| interleave(&self.separated, range, out));
             return Ok(());
         }
+        // the crate makes a new block: do not hold an old one beside it
+        *out = Vec::new();
         let payload = std::mem::take(&mut self.payload);
         let block = header
             .compression
             .decompress_image_section_from_le(header, payload, bounds, false)?;
+        if kept == length {
+            *out = block;
+            return Ok(());
+        }
+        out.reserve_exact(kept);
         wanted.for_each(|range| out.extend_from_slice(&block[range]));
         Ok(())
     }
@@ -86,8 +118,12 @@ impl BlockCodec {
         block: &mut Vec<u8>,
         bounds: IntegerBounds,
     ) -> Result<(), exr::error::Error> {
-        if is_zip(header) {
+        if is_zip(header.compression) {
             self.zip(block);
+            return Ok(());
+        }
+        if header.compression == Compression::PIZ && cfg!(target_endian = "little") {
+            piz::encode(&header.channels.list, bounds, block);
             return Ok(());
         }
         *block = header.compression.compress_image_section_to_le(

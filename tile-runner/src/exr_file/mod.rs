@@ -11,6 +11,7 @@ mod dwa_leader;
 pub mod grid;
 pub mod header;
 pub mod output;
+mod piz;
 pub mod reader;
 pub mod rows;
 pub mod writer;

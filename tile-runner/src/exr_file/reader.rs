@@ -2,14 +2,15 @@
 
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom, Write};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
 use exr::meta::attribute::{Compression, IntegerBounds};
 
 use super::attributes::RawHeader;
 use super::chunk::ChunkHead;
-use super::codec::BlockCodec;
+use super::codec::SharedCodec;
 use super::dwa_leader;
 use super::grid::Place;
 use super::header::{Part, parse_parts};
@@ -32,7 +33,7 @@ pub struct ExrFile {
     parts: Vec<Part>,
     /// Offset tables, 8 bytes per block.
     offsets: Vec<Vec<u64>>,
-    codec: Mutex<BlockCodec>,
+    codec: SharedCodec,
 }
 
 impl ExrFile {
@@ -74,7 +75,7 @@ impl ExrFile {
             version: raw.version,
             parts,
             offsets,
-            codec: Mutex::default(),
+            codec: SharedCodec::default(),
         })
     }
 
@@ -99,6 +100,7 @@ impl ExrFile {
     /// The caller has checked [`Part::block_bytes`] against its memory limit and [`Part::refusal`].
     pub fn decode_block(
         &self,
+        codec: &SharedCodec,
         part: usize,
         (column, row): (usize, usize),
         wanted: impl Fn(usize) -> bool,
@@ -107,7 +109,7 @@ impl ExrFile {
         let described = &self.parts[part];
         let index = row * described.grid.columns() + column;
         let bounds = described.grid.bounds(column, row);
-        let mut codec = self.codec();
+        let mut codec = codec.lock();
         self.read_payload(part, index, &mut codec.payload)?;
         let (compression, list) = (described.header.compression, &described.header.channels);
         if matches!(compression, Compression::DWAA(_) | Compression::DWAB(_))
@@ -117,18 +119,18 @@ impl ExrFile {
             let reason = "announces more data than a block of its size can hold";
             return Err(self.block_error(part, index, reason));
         }
+        let channels = list.channels_with_byte_offset().enumerate();
+        let spans: Vec<Range<usize>> = channels
+            .filter(|(channel, _)| wanted(*channel))
+            .map(|(_, (offset, channel))| offset..offset + channel.sample_type.bytes_per_sample())
+            .collect();
         let width = bounds.size.0;
         let lines = (0..bounds.size.1).flat_map(|line| {
             let start = line * width * list.bytes_per_pixel;
-            let channels = list.channels_with_byte_offset().enumerate();
-            channels
-                .filter(|(channel, _)| wanted(*channel))
-                .map(move |(_, (offset, channel))| {
-                    let from = start + width * offset;
-                    from..from + width * channel.sample_type.bytes_per_sample()
-                })
+            let place =
+                move |span: &Range<usize>| start + width * span.start..start + width * span.end;
+            spans.iter().map(place)
         });
-        out.clear();
         codec
             .decode(&described.header, bounds, lines, out)
             .map_err(|error| match error {
@@ -137,11 +139,9 @@ impl ExrFile {
             })
     }
 
-    /// What codes this file's blocks and those of files made from it: one at a time, so that no more than one block's
-    /// worth of working memory is in use.
-    pub fn codec(&self) -> MutexGuard<'_, BlockCodec> {
-        // its buffers are filled anew for every block, so a thread that died in one leaves nothing behind
-        self.codec.lock().unwrap_or_else(PoisonError::into_inner)
+    /// What decodes the blocks of those who have no codec of their own.
+    pub fn codec(&self) -> &SharedCodec {
+        &self.codec
     }
 
     /// The blocks of a part as the file stores them, from its beginning to its end.

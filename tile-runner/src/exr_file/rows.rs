@@ -6,6 +6,7 @@ use exr::meta::attribute::{IntegerBounds, SampleType};
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 
+use super::codec::SharedCodec;
 use super::reader::ExrFile;
 use crate::error::Error;
 
@@ -38,6 +39,7 @@ pub fn check_decodable(file: &ExrFile, part: usize, limit: u64) -> Result<(), Er
 #[derive(Debug)]
 pub struct PartRows {
     file: Arc<ExrFile>,
+    codec: SharedCodec,
     part: usize,
     /// Whether each channel is read.
     kept: Vec<bool>,
@@ -55,8 +57,14 @@ struct Block {
 }
 
 impl PartRows {
-    /// Rows of a part, once it has been told with [`keep`](Self::keep) which channels. Errors as for [`check_decodable`].
-    pub fn new(file: Arc<ExrFile>, part: usize, limit: u64) -> Result<Self, Error> {
+    /// Rows of a part, decoded by `codec`, once it has been told with [`keep`](Self::keep) which channels. Errors as for
+    /// [`check_decodable`].
+    pub fn new(
+        file: Arc<ExrFile>,
+        codec: SharedCodec,
+        part: usize,
+        limit: u64,
+    ) -> Result<Self, Error> {
         check_decodable(&file, part, limit)?;
         let described = &file.parts()[part];
         let channels = &described.header.channels;
@@ -68,6 +76,7 @@ impl PartRows {
         let kept = vec![false; channels.list.len()];
         Ok(Self {
             file,
+            codec,
             part,
             kept,
             types,
@@ -132,8 +141,13 @@ impl PartRows {
             let block = &mut self.blocks[column];
             block.bounds = grid.bounds(column, row);
             let kept = |channel: usize| self.kept[channel];
-            self.file
-                .decode_block(self.part, (column, row), kept, &mut block.bytes)?;
+            self.file.decode_block(
+                &self.codec,
+                self.part,
+                (column, row),
+                kept,
+                &mut block.bytes,
+            )?;
         }
         self.current = Some(row);
         Ok(())

@@ -181,6 +181,12 @@ impl<'a> Search<'a> {
         name.map_or("", |name| name.layer.as_str())
     }
 
+    /// Whether the parts that these channels lie in can be decoded.
+    pub(super) fn decodable(&self, channels: &[ChannelRef]) -> bool {
+        let part = |at: &ChannelRef| &self.names.files()[at.file].parts()[at.part];
+        channels.iter().all(|at| part(at).refusal.is_none())
+    }
+
     /// A colour that no rule names: a luminance, the only channel, or the only layer with red, green and blue.
     pub(super) fn only_colour(&self) -> Result<Assignment, Error> {
         let assign = |channels, rule: String| Assignment {
@@ -190,25 +196,26 @@ impl<'a> Search<'a> {
             rule,
         };
         let file = &self.names.files()[0];
-        if let Some((part, refusal)) = file
-            .parts()
-            .iter()
-            .find_map(|part| Some((part, part.refusal.as_ref()?)))
-        {
+        // what stands in the way of a part that nothing better is found in
+        let refused = file.parts().iter().find_map(|part| {
             let (path, label) = (file.path().display(), part.label());
-            return Err(Error::Unsupported(format!("{path}: {label}: {refusal}")));
-        }
+            let refusal = part.refusal.as_ref()?;
+            Some(Error::Unsupported(format!("{path}: {label}: {refusal}")))
+        });
         if self.names.channel(0, "RY").is_some() || self.names.channel(0, "BY").is_some() {
-            return Err(Error::Unsupported(format!(
+            let differences = Error::Unsupported(format!(
                 "{}: luminance with colour differences (channels Y, RY, BY) is not supported",
                 file.path().display()
-            )));
+            ));
+            return Err(refused.unwrap_or(differences));
         }
-        if let Some(luminance) = self.names.channel(0, "Y") {
+        let luminance = self.names.channel(0, "Y");
+        if let Some(luminance) = luminance.filter(|&at| self.decodable(&[at])) {
             return Ok(assign(vec![luminance], "the luminance".into()));
         }
+        let layer = |layer: &str| self.layer(layer, Components::Colour);
         let coloured: Vec<&str> = (self.names.layers(0).into_iter())
-            .filter(|layer| self.layer(layer, Components::Colour).is_some())
+            .filter(|name| layer(name).is_some_and(|channels| self.decodable(&channels)))
             .collect();
         if let [only] = coloured[..] {
             let channels = self.layer(only, Components::Colour).unwrap_or_default();
@@ -222,14 +229,14 @@ impl<'a> Search<'a> {
             .iter()
             .flat_map(|part| (0..part.header.channels.list.len()).map(|c| (part.index, c)));
         if let (Some((part, channel)), None) = (channels.next(), channels.next()) {
-            return Ok(assign(
-                vec![ChannelRef {
-                    file: 0,
-                    part,
-                    channel,
-                }],
-                "the only channel".into(),
-            ));
+            let only = ChannelRef {
+                file: 0,
+                part,
+                channel,
+            };
+            if self.decodable(&[only]) {
+                return Ok(assign(vec![only], "the only channel".into()));
+            }
         }
         let why = if coloured.is_empty() {
             "no colour channels (R G B) found".to_owned()
@@ -240,11 +247,16 @@ impl<'a> Search<'a> {
                 layers.join(", ")
             )
         };
-        Err(Error::Invalid(format!(
+        let none = Error::Invalid(format!(
             "{}: {why}; its channels are {}",
             file.path().display(),
             self.all_names()
-        )))
+        ));
+        Err(if coloured.is_empty() {
+            refused.unwrap_or(none)
+        } else {
+            none
+        })
     }
 }
 
