@@ -55,7 +55,7 @@ pub trait Cells<const D: usize> {
 /// Predicts each cell and what its models reach of its halo, `L` cells side by side.
 ///
 /// A cell's result depends on its tile, its layers and the parameters alone: not on `L`, on the other cells, on their order or
-/// on the thread. Never panics, never yields a value that is not finite. The stack holds some 30 KiB at `L = 1` and `D = 9`, and
+/// on the thread. Never panics, never yields a value that is not finite. The stack holds some 50 KiB at `L = 1` and `D = 9`, and
 /// grows with `L`. A layer costs its own right-hand sides and predictions.
 #[inline(always)]
 pub fn denoise_cells<const D: usize, const L: usize>(
@@ -200,8 +200,10 @@ fn build_models<const D: usize, const L: usize>(
         params.truncation,
         &mut scratch.basis,
     );
-    // A window pays for its rank or, between others, for the largest of theirs: terms of 0 change no bit.
-    match scratch.basis.rank.iter().fold(0, |a, b| a.max(*b)) {
+    // A window pays for its rank or, between others, for the largest of theirs: terms of 0 change no bit. A single lane is for small
+    // machines, where one size of code counts for more than speed.
+    let largest = scratch.basis.rank.iter().fold(0, |a, b| a.max(*b));
+    match if L == 1 { D } else { largest } {
         0..=2 => build_within::<3, D, L>(cells, centres, params, scratch),
         3 | 4 => build_within::<5, D, L>(cells, centres, params, scratch),
         5 | 6 => build_within::<7, D, L>(cells, centres, params, scratch),

@@ -1,5 +1,5 @@
 #!/bin/sh
-# Builds for a Cortex-M7: every_function, which only has to link, and tile, which runs under QEMU. Installs nothing; exits 3 and names the Debian packages if a tool is
+# Builds for a Cortex-M7: every_function and every_cell, which only have to link, and tile, which runs under QEMU. Installs nothing; exits 3 and names the Debian packages if a tool is
 # missing. CARGO_TARGET_DIR, if set, is where it builds.
 set -eu
 cd "$(dirname "$0")"

@@ -4,8 +4,8 @@
 use half::f16;
 use linpred_core::{
     BLOCK_HEIGHT, BLOCK_WIDTH, ColourBlock, FeatureGroup, FilteredGroup, NormalEquations,
-    PREFILTER_HALO, PREPARE_HALO, PixelState, PreparedBlock, Prior, Rls, SymmetricEigen, TILE,
-    Tile, prefilter, prepare,
+    PREFILTER_HALO, PREPARE_HALO, Params, PixelState, Predictions, PreparedBlock, Prior, Rls,
+    Scratch, SymmetricEigen, TILE, Tile, denoise_cell, prefilter, prepare, resolve,
 };
 
 /// Pixels along a side of the tile.
@@ -75,23 +75,48 @@ enum Block {
     Colours(ColourBlock, PreparedBlock),
     Triple(FeatureGroup<3>, FilteredGroup<3>),
     Single(FeatureGroup<1>, FilteredGroup<1>),
+    Cell(Scratch<FEATURES, 1>, Predictions),
 }
 
-/// FNV-1a (Fowler, Noll, Vo) over the bits of every fitted value, leverage and ring-end model of the windows around nine centres, and over
-/// the tile as it is prepared for the cell in its middle.
-pub fn checksum_of_tile(memory: &mut Memory) -> u32 {
-    let mut hash = 0x811c_9dc5;
+/// What a checksum starts from.
+pub const SEED: u32 = 0x811c_9dc5;
+
+/// FNV-1a (Fowler, Noll, Vo) over the bits of every fitted value, leverage and ring-end model of the windows around nine centres.
+pub fn checksum_of_fits(mut hash: u32) -> u32 {
     for y in [RADIUS, SIDE / 2, SIDE - 1 - RADIUS] {
         for x in [RADIUS, SIDE / 2, SIDE - 1 - RADIUS] {
             fold_window(x, y, &mut hash);
         }
     }
+    hash
+}
+
+/// The same over the tile as it is prepared for the cell in its middle.
+pub fn checksum_of_blocks(memory: &mut Memory, mut hash: u32) -> u32 {
     load_tile(memory);
     for pixel in &memory.tile.pixels {
         fold(&pixel.features, &mut hash);
         fold(&pixel.feature_variance, &mut hash);
         fold(&pixel.colour, &mut hash);
         fold(&[pixel.weight, pixel.variance, pixel.tolerance], &mut hash);
+    }
+    hash
+}
+
+/// The same over the models' number, and over the denoised cell and what its models say of its halo; after [`checksum_of_blocks`].
+pub fn checksum_of_cell(memory: &mut Memory, mut hash: u32) -> u32 {
+    let Memory { tile, block } = memory;
+    *block = Block::Cell(Scratch::new(), Predictions::NONE);
+    let Block::Cell(scratch, predictions) = block else {
+        return 0;
+    };
+    let params = Params::default();
+    let models = denoise_cell(tile, &params, &mut [], scratch, predictions);
+    fold(&[models as f32], &mut hash);
+    for (pixel, sum) in tile.pixels.iter().zip(&predictions.sums) {
+        let denoised = resolve(pixel, sum, params.formulas);
+        fold(&denoised.colour, &mut hash);
+        fold(&[denoised.error, denoised.radius, denoised.rank], &mut hash);
     }
     hash
 }

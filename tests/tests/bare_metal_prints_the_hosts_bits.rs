@@ -5,7 +5,9 @@ use std::io::Write as _;
 use std::path::Path;
 use std::process::Command;
 
-use linpred_tests::tile_checksum::{Memory, checksum_of_tile};
+use linpred_tests::tile_checksum::{
+    Memory, SEED, checksum_of_blocks, checksum_of_cell, checksum_of_fits,
+};
 
 const FLASH_BAR: u32 = 256 * 1024;
 const RAM_BAR: u32 = 512 * 1024;
@@ -45,15 +47,22 @@ fn and_fits_its_flash_and_ram() {
     }
     assert!(run.status.success(), "{output}{errors}");
     let numbers = numbers(&output);
+    let instructions = |what: &str| 40 * u64::from(numbers[what]);
     println!(
-        "flash {} static {} stack {} instructions {}",
+        "flash {} static {} stack {} instructions: fits {} blocks {} cell {}",
         numbers["flash"],
         numbers["static"],
         numbers["stack"],
-        40 * u64::from(numbers["ticks"])
+        instructions("ticks_fits"),
+        instructions("ticks_blocks"),
+        instructions("ticks_cell"),
     );
-    let checksum = checksum_of_tile(&mut Box::new(Memory::EMPTY));
-    assert_eq!(numbers["checksum"], checksum, "{output}");
+    let mut memory = Box::new(Memory::EMPTY);
+    let fits = checksum_of_fits(SEED);
+    let blocks = checksum_of_blocks(&mut memory, fits);
+    let cell = checksum_of_cell(&mut memory, blocks);
+    let theirs = ["fits", "blocks", "cell"].map(|what| numbers[what]);
+    assert_eq!(theirs, [fits, blocks, cell], "{output}");
     assert!(numbers["flash"] <= FLASH_BAR, "{output}");
     assert!(numbers["static"] + numbers["stack"] <= RAM_BAR, "{output}");
 }

@@ -1,4 +1,4 @@
-//! Calls every function of the core with values that the optimiser knows nothing of. That this links without allocator and
+//! Calls every function of the core but those of cells (`every_cell` has them) with values that the optimiser knows nothing of. That this links without allocator and
 //! without panic is the test; it is not run.
 
 #![no_std]

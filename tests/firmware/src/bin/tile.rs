@@ -16,17 +16,24 @@ mod usage;
 mod tile_checksum;
 
 use cortex_m_rt::entry;
-use tile_checksum::{Memory, checksum_of_tile};
+use tile_checksum::{Memory, SEED, checksum_of_blocks, checksum_of_cell, checksum_of_fits};
 
 #[entry]
 fn main() -> ! {
     // `entry` makes a static of a function that is called once a reference to it.
     static mut MEMORY: Memory = Memory::EMPTY;
-    let ticks = usage::start_ticks();
-    let checksum = checksum_of_tile(MEMORY);
-    let ticks = usage::ticks_since(ticks);
-    semihosting::print("checksum", checksum);
-    semihosting::print("ticks", ticks);
+    let start = usage::start_ticks();
+    let fits = checksum_of_fits(SEED);
+    semihosting::print("ticks_fits", usage::ticks_since(start));
+    let start = usage::start_ticks();
+    let blocks = checksum_of_blocks(MEMORY, fits);
+    semihosting::print("ticks_blocks", usage::ticks_since(start));
+    let start = usage::start_ticks();
+    let cell = checksum_of_cell(MEMORY, blocks);
+    semihosting::print("ticks_cell", usage::ticks_since(start));
+    semihosting::print("fits", fits);
+    semihosting::print("blocks", blocks);
+    semihosting::print("cell", cell);
     semihosting::print("flash", usage::flash());
     semihosting::print("static", usage::static_ram());
     semihosting::print("stack", usage::stack_high_water());
