@@ -34,14 +34,17 @@ impl<const D: usize> FeatureNoise<D> {
     #[inline(always)]
     pub(crate) fn fill(&mut self, tile: &Tile<D>) {
         *self = Self::NONE;
-        for y in 0..TILE {
+        let rows = tile.pixels.chunks_exact(TILE);
+        for (y, (pixels, own)) in rows
+            .zip(tile.feature_variance.chunks_exact(TILE))
+            .enumerate()
+        {
             let mut variances = [[0.0; D]; TILE];
             let mut noisy = false;
-            for x in 0..TILE {
-                let pixel = tile.pixel_at(y * TILE + x);
+            for ((variance, pixel), own) in variances.iter_mut().zip(pixels).zip(own) {
                 if pixel.weight > 0.0 {
-                    variances[x] = pixel.feature_variance;
-                    noisy |= pixel.feature_variance.iter().any(|v| *v > 0.0);
+                    *variance = *own;
+                    noisy |= own.iter().any(|v| *v > 0.0);
                 }
             }
             if noisy {

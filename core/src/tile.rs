@@ -29,12 +29,13 @@ pub enum PixelState {
 }
 
 /// One pixel of a tile with `D` features, of which the first two are the position.
+///
+/// With nine features it fills 64 bytes, a line of the cache: windows are read from several tiles at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
 pub struct Pixel<const D: usize> {
     /// Features after the prefilter, in any unit; finite.
     pub features: [f32; D],
-    /// Variance that the features have kept, in the square of their units; 0 for the position.
-    pub feature_variance: [f32; D],
     /// Radiance, red green blue; finite, 0 where the pixel is bad.
     pub colour: [f32; 3],
     /// Weight of the pixel's squared residual in a fit, 1 / radiance^2; 0 keeps it out.
@@ -51,7 +52,6 @@ impl<const D: usize> Pixel<D> {
     /// A pixel outside the image.
     pub const OUTSIDE: Self = Self {
         features: [0.0; D],
-        feature_variance: [0.0; D],
         colour: [0.0; 3],
         weight: 0.0,
         variance: 0.0,
@@ -62,15 +62,19 @@ impl<const D: usize> Pixel<D> {
 
 /// A cell with its halo, row after row: `pixels[y * TILE + x]`, the cell from (HALO, HALO) on.
 #[derive(Clone, Debug, PartialEq)]
+#[repr(C, align(64))]
 pub struct Tile<const D: usize> {
     /// The pixels.
     pub pixels: [Pixel<D>; TILE_AREA],
+    /// Variance that each pixel's features have kept, in the square of their units; 0 for the position.
+    pub feature_variance: [[f32; D]; TILE_AREA],
 }
 
 impl<const D: usize> Tile<D> {
     /// A tile that lies outside the image.
     pub const EMPTY: Self = Self {
         pixels: [Pixel::OUTSIDE; TILE_AREA],
+        feature_variance: [[0.0; D]; TILE_AREA],
     };
 
     /// The pixel at `y * TILE + x`, or one outside the image.

@@ -53,7 +53,7 @@ pub fn tile(values: &[f32], states: &[u8]) -> Box<Tile> {
         let square = |v: f32| (v * v).min(1e30);
         for k in 2..FEATURES {
             pixel.features[k] = next();
-            pixel.feature_variance[k] = square(next());
+            tile.feature_variance[i][k] = square(next());
         }
         pixel.features[0] = (i % linpred_core::TILE) as f32;
         pixel.features[1] = (i / linpred_core::TILE) as f32;

@@ -4,8 +4,8 @@
 use half::f16;
 use linpred_core::{
     BLOCK_HEIGHT, BLOCK_WIDTH, ColourBlock, FeatureGroup, FilteredGroup, NormalEquations,
-    PREFILTER_HALO, PREPARE_HALO, Params, PixelState, Predictions, PreparedBlock, Prior, Rls,
-    Scratch, SymmetricEigen, TILE, Tile, denoise_cell, prefilter, prepare, resolve,
+    PREFILTER_HALO, PREPARE_HALO, Params, Pixel, PixelState, Predictions, PreparedBlock, Prior,
+    Rls, Scratch, SymmetricEigen, TILE, Tile, denoise_cell, prefilter, prepare, resolve,
 };
 
 /// Pixels along a side of the tile.
@@ -94,9 +94,9 @@ pub fn checksum_of_fits(mut hash: u32) -> u32 {
 /// The same over the tile as it is prepared for the cell in its middle.
 pub fn checksum_of_blocks(memory: &mut Memory, mut hash: u32) -> u32 {
     load_tile(memory);
-    for pixel in &memory.tile.pixels {
+    for (pixel, variance) in memory.tile.pixels.iter().zip(&memory.tile.feature_variance) {
         fold(&pixel.features, &mut hash);
-        fold(&pixel.feature_variance, &mut hash);
+        fold(variance, &mut hash);
         fold(&pixel.colour, &mut hash);
         fold(&[pixel.weight, pixel.variance, pixel.tolerance], &mut hash);
     }
@@ -166,24 +166,25 @@ fn load_colours(block: &mut ColourBlock, x: usize, y: usize) {
     }
 }
 
-/// Calls for the pixels of the tile that lie in the block at (x, y), with their row and column of the block.
+/// Calls for the pixels of the tile that lie in the block at (x, y), with the variances of their features and their row and column of the block.
 fn for_block(
     tile: &mut Tile<FEATURES>,
     x: usize,
     y: usize,
-    mut pixel: impl FnMut(&mut linpred_core::Pixel<FEATURES>, usize, usize),
+    mut pixel: impl FnMut(&mut Pixel<FEATURES>, &mut [f32; FEATURES], usize, usize),
 ) {
-    let rows = tile.pixels.chunks_exact_mut(TILE).skip(y);
-    for (row, pixels) in rows.enumerate().take(BLOCK_HEIGHT) {
-        let pixels = pixels.iter_mut().skip(x);
-        for (column, own) in pixels.enumerate().take(BLOCK_WIDTH) {
-            pixel(own, row, column);
+    let variances = tile.feature_variance.chunks_exact_mut(TILE);
+    let rows = tile.pixels.chunks_exact_mut(TILE).zip(variances).skip(y);
+    for (row, (pixels, variances)) in rows.enumerate().take(BLOCK_HEIGHT) {
+        let pixels = pixels.iter_mut().zip(variances).skip(x);
+        for (column, (own, variance)) in pixels.enumerate().take(BLOCK_WIDTH) {
+            pixel(own, variance, row, column);
         }
     }
 }
 
 fn store_prepared(block: &PreparedBlock, tile: &mut Tile<FEATURES>, x: usize, y: usize) {
-    for_block(tile, x, y, |pixel, row, column| {
+    for_block(tile, x, y, |pixel, _, row, column| {
         pixel.weight = block.weight[row][column];
         pixel.variance = block.variance[row][column];
         pixel.tolerance = block.tolerance[row][column];
@@ -216,8 +217,8 @@ fn filter_group<const N: usize>(
         }
     }
     prefilter(input, output);
-    for_block(tile, x, y, |pixel, row, column| {
-        let own = (pixel.features.iter_mut()).zip(&mut pixel.feature_variance);
+    for_block(tile, x, y, |pixel, variance, row, column| {
+        let own = pixel.features.iter_mut().zip(variance);
         for (c, (value, variance)) in own.skip(feature).take(N).enumerate() {
             *value = output.value[c][row][column];
             *variance = output.variance[c][row][column];

@@ -43,7 +43,7 @@ impl Band {
 
     /// The band's rows of an image of `height` rows that may be cut every `unit` rows. [`Error::Usage`] when there are fewer
     /// pieces than bands and this one would be empty.
-    fn rows(self, height: usize, unit: usize) -> Result<Range<usize>, Error> {
+    pub fn rows(self, height: usize, unit: usize) -> Result<Range<usize>, Error> {
         let pieces = height.div_ceil(unit) as u64;
         let cut = |index: usize| (index as u64 * pieces / self.count as u64) as usize * unit;
         let rows = cut(self.index - 1)..cut(self.index).min(height);

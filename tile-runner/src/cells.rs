@@ -1,12 +1,13 @@
 //! A row of cells: tiles in, predictions out, added up in an order that the cells' own does not change.
 
 use std::num::NonZeroUsize;
+use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use linpred_core::{
-    CELL, Cells, HALO, LayerTile, Params, Pixel, PixelState, Predictions, Scratch, Sum, TILE,
-    TILE_AREA, Tile,
+    CELL, Cells, Formulas, HALO, LayerTile, Params, Pixel, PixelState, Predictions, Scratch, Sum,
+    TILE, TILE_AREA, Tile,
 };
 use rayon::prelude::*;
 
@@ -36,53 +37,99 @@ const PREPARED_ABOVE: usize = CELL - HALO;
 const _: () = assert!(HALO <= PREPARED_ABOVE && CELL + HALO <= 2 * CELL - PREPARED_ABOVE);
 
 impl Neighbourhood<'_> {
-    /// The pixel at (x, y) of the image.
-    pub(crate) fn pixel(&self, x: usize, y: usize) -> Pixel<TILE_FEATURES> {
-        let rows = &self.prepared[(y + PREPARED_ABOVE) / CELL - self.row];
-        let index = (y + PREPARED_ABOVE) % CELL * self.size.width() + x;
+    /// The pixel at (x, y) of the image, without its features.
+    pub(crate) fn pixel<const D: usize>(&self, x: usize, y: usize) -> Pixel<D> {
+        let (rows, start) = self.prepared(y);
+        let index = start + x;
         let band = self.band.colours(y as isize);
-        let mut pixel = Pixel::OUTSIDE;
-        for (k, (value, variance)) in rows
-            .features
-            .iter()
-            .zip(&rows.feature_variances)
-            .enumerate()
-        {
-            if !value.is_empty() {
-                pixel.features[k + 2] = value[index];
-                pixel.feature_variance[k + 2] = variance[index];
-            }
+        let variance = rows.variance[index];
+        Pixel {
+            colour: std::array::from_fn(|c| band.colour[c][x]),
+            weight: rows.weight[index],
+            variance,
+            tolerance: rows.tolerance[index],
+            state: if band.good[x] == 0.0 {
+                PixelState::Bad
+            } else if variance == 0.0 {
+                PixelState::Clean
+            } else {
+                PixelState::Noisy
+            },
+            ..Pixel::OUTSIDE
         }
-        pixel.colour = std::array::from_fn(|c| band.colour[c][x]);
-        pixel.weight = rows.weight[index];
-        pixel.variance = rows.variance[index];
-        pixel.tolerance = rows.tolerance[index];
-        pixel.state = if band.good[x] == 0.0 {
-            PixelState::Bad
-        } else if pixel.variance == 0.0 {
-            PixelState::Clean
-        } else {
-            PixelState::Noisy
-        };
-        pixel
+    }
+
+    /// The prepared rows that hold row `y` of the image, and where that begins in their planes.
+    fn prepared(&self, y: usize) -> (&PreparedRows, usize) {
+        let rows = &self.prepared[(y + PREPARED_ABOVE) / CELL - self.row];
+        (rows, (y + PREPARED_ABOVE) % CELL * self.size.width())
+    }
+
+    /// Whether every pixel of a cell passes through, so that it needs no model.
+    fn is_clean(&self, column: usize) -> bool {
+        let columns = column * CELL..self.size.width().min((column + 1) * CELL);
+        (self.row * CELL..self.size.height().min((self.row + 1) * CELL)).all(|y| {
+            let (rows, start) = self.prepared(y);
+            let good = &self.band.colours(y as isize).good[columns.clone()];
+            let variance = &rows.variance[start + columns.start..start + columns.end];
+            variance.iter().all(|v| *v == 0.0) && good.iter().all(|v| *v != 0.0)
+        })
     }
 
     fn load(&self, tile: &mut Tile<TILE_FEATURES>, column: usize) {
+        let from = (column * CELL).saturating_sub(HALO);
+        let columns = from..self.size.width().min((column + 1) * CELL + HALO);
+        // of the tile, where the image begins
+        let first = columns.start + HALO - column * CELL;
         for ty in 0..TILE {
-            let y = (self.row * CELL + ty)
-                .checked_sub(HALO)
-                .filter(|y| *y < self.size.height());
-            for tx in 0..TILE {
-                let x = (column * CELL + tx)
-                    .checked_sub(HALO)
-                    .filter(|x| *x < self.size.width());
-                let mut pixel = match (x, y) {
-                    (Some(x), Some(y)) => self.pixel(x, y),
-                    _ => Pixel::OUTSIDE,
-                };
+            let row = ty * TILE..(ty + 1) * TILE;
+            let (pixels, variances) = (
+                &mut tile.pixels[row.clone()],
+                &mut tile.feature_variance[row],
+            );
+            pixels.fill(Pixel::OUTSIDE);
+            variances.fill([0.0; TILE_FEATURES]);
+            for (tx, pixel) in pixels.iter_mut().enumerate() {
                 pixel.features[0] = tx as f32;
                 pixel.features[1] = ty as f32;
-                tile.pixels[ty * TILE + tx] = pixel;
+            }
+            let y = (self.row * CELL + ty).checked_sub(HALO);
+            if let Some(y) = y.filter(|y| *y < self.size.height()) {
+                self.load_row(
+                    &mut pixels[first..],
+                    &mut variances[first..],
+                    y,
+                    columns.clone(),
+                );
+            }
+        }
+    }
+
+    /// The pixels of `columns` of row `y`, but for their positions.
+    fn load_row(
+        &self,
+        pixels: &mut [Pixel<TILE_FEATURES>],
+        variances: &mut [[f32; TILE_FEATURES]],
+        y: usize,
+        columns: Range<usize>,
+    ) {
+        for (pixel, x) in pixels.iter_mut().zip(columns.clone()) {
+            *pixel = Pixel {
+                features: pixel.features,
+                ..self.pixel(x, y)
+            };
+        }
+        let (rows, start) = self.prepared(y);
+        let planes = rows.features.iter().zip(&rows.feature_variances);
+        for (k, (values, noise)) in planes.enumerate() {
+            if !values.is_empty() {
+                let own = start + columns.start..start + columns.end;
+                for (pixel, value) in pixels.iter_mut().zip(&values[own.clone()]) {
+                    pixel.features[k + 2] = *value;
+                }
+                for (variance, value) in variances.iter_mut().zip(&noise[own]) {
+                    variance[k + 2] = *value;
+                }
             }
         }
     }
@@ -145,6 +192,7 @@ impl Bench {
 struct RowOfCells<'a> {
     around: &'a Neighbourhood<'a>,
     columns: usize,
+    formulas: Formulas,
     /// The next column that no thread has taken.
     next: AtomicUsize,
     models: &'a AtomicUsize,
@@ -159,10 +207,15 @@ struct Share<'a> {
 
 impl Cells<TILE_FEATURES> for Share<'_> {
     fn next(&mut self, lane: usize) -> bool {
-        let column = self.row.next.fetch_add(1, Ordering::Relaxed);
-        if column >= self.row.columns {
-            return false;
-        }
+        let column = loop {
+            let column = self.row.next.fetch_add(1, Ordering::Relaxed);
+            if column >= self.row.columns {
+                return false;
+            }
+            if self.row.formulas == Formulas::Literal || !self.row.around.is_clean(column) {
+                break column;
+            }
+        };
         let lane = &mut self.lanes[lane];
         lane.column = column;
         self.row.around.load(&mut lane.tile, column);
@@ -308,6 +361,7 @@ impl SumRows {
         let row = RowOfCells {
             around,
             columns: around.size.width().div_ceil(CELL),
+            formulas: params.formulas,
             next: AtomicUsize::new(0),
             models: &models,
             sums: Mutex::new(&mut self.own),

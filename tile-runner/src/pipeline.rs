@@ -221,7 +221,7 @@ impl Frame {
             row,
         };
         for (x, sum) in self.sums.row(y).iter().enumerate() {
-            let pixel = around.pixel(x, y);
+            let pixel = around.pixel::<0>(x, y);
             self.report.passed_through += u64::from(pixel.state == PixelState::Clean);
             self.report.repaired += u64::from(pixel.state == PixelState::Bad);
             let denoised = resolve(&pixel, sum, self.params.formulas);

@@ -99,13 +99,15 @@ fn tile(kind: usize) -> Box<Tile<FEATURES>> {
     let mut tile = Box::new(Tile::EMPTY);
     for y in 0..TILE {
         for x in 0..TILE {
-            tile.pixels[y * TILE + x] = pixel(kind, x, y, &mut noise);
+            let at = y * TILE + x;
+            (tile.pixels[at], tile.feature_variance[at]) = pixel(kind, x, y, &mut noise);
         }
     }
     tile
 }
 
-fn pixel(kind: usize, x: usize, y: usize, noise: &mut Noise) -> Pixel<FEATURES> {
+/// A pixel and the variances of its features.
+fn pixel(kind: usize, x: usize, y: usize, noise: &mut Noise) -> (Pixel<FEATURES>, [f32; FEATURES]) {
     let (across, down) = (x as f32, y as f32);
     let edge = if kind > 0 && 2 * x + y > 52 { 1.0 } else { 0.0 };
     let texture = if kind > 1 { 0.3 } else { 0.0 };
@@ -126,15 +128,15 @@ fn pixel(kind: usize, x: usize, y: usize, noise: &mut Noise) -> Pixel<FEATURES> 
         feature_variance[k] = 1e-4 * texture;
     }
     let level = 0.5 + 0.5 * edge + 0.01 * across + 0.4 * (features[5] - 0.5);
-    Pixel {
+    let pixel = Pixel {
         features,
-        feature_variance,
         colour: [1.0, 0.8, 0.6].map(|tint| tint * level + 0.2 * noise.next()),
         weight: 1.0 / (level * level + 0.3),
         variance: 0.04,
         tolerance: 0.06,
         state: PixelState::Noisy,
-    }
+    };
+    (pixel, feature_variance)
 }
 
 /// A group of three noisy features.
