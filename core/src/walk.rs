@@ -46,6 +46,8 @@ pub(crate) struct Walk {
     models: u32,
     /// Models that predict each pixel.
     coverage: [[u16; CELL]; CELL],
+    /// Where there is a model, a bit for each column: a later pass would fit the same one again.
+    built: [u32; CELL],
     under_way: bool,
 }
 
@@ -62,6 +64,7 @@ impl Walk {
         centre: (0, 0),
         models: 0,
         coverage: [[0; CELL]; CELL],
+        built: [0; CELL],
         under_way: true,
     };
 
@@ -87,7 +90,12 @@ impl Walk {
             self.next += 1;
             let (x, y) = (usize::from(column), usize::from(row));
             let covered = self.coverage.get(y).and_then(|row| row.get(x));
-            if covered.is_some_and(|models| *models < wanted) && open(x, y) {
+            let Some(built) = self.built.get_mut(y) else {
+                break;
+            };
+            let wanting = covered.is_some_and(|models| *models < wanted);
+            if wanting && *built & (1 << x) == 0 && open(x, y) {
+                *built |= 1 << x;
                 self.centre = (column, row);
                 self.models += 1;
                 return Some((x, y));
