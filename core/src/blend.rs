@@ -242,6 +242,10 @@ impl<const L: usize> PredictionWindows<L> {
         self.distance = [[0.0; L]; SIDE * SIDE];
         self.known = [[0.0; L]; SIDE * SIDE];
         let widest = models.radius.iter().fold(0, |a, b| a.max(*b));
+        let mut radiance = [0.0; L];
+        for l in 0..L {
+            radiance[l] = 1.0 / windows.per_radiance[l];
+        }
         let pixels = windows.features.iter().zip(&windows.samples);
         for (i, (features, sample)) in pixels.enumerate().take(window_pixels(widest)) {
             let terms = terms::<T, D, L>(features);
@@ -253,7 +257,7 @@ impl<const L: usize> PredictionWindows<L> {
             if let Some(predictions) = self.colour.get_mut(i) {
                 for c in 0..3 {
                     for l in 0..L {
-                        predictions[c][l] = colour[c][l] / windows.per_radiance[l];
+                        predictions[c][l] = colour[c][l] * radiance[l];
                     }
                 }
             }

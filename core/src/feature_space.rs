@@ -109,72 +109,109 @@ fn to_range<const D: usize, const L: usize>(
     extent: &Extent<D, L>,
     scale: &[[f32; L]; D],
 ) -> [[[f32; L]; D]; D] {
-    let [first, ..] = &windows.features;
-    let mut origin = *first;
-    for j in 0..D {
-        for l in 0..L {
-            origin[j][l] = within(origin[j][l], extent.low[j][l], extent.high[j][l]);
-        }
-        lanes_stay_innermost();
+    let mut sums = RangeSums {
+        products: Aligned([[[0.0; L]; D]; D]),
+        totals: Aligned([[0.0; L]; D]),
+    };
+    // Where every pixel is valid each lies within the range, by definition of that.
+    if extent.pixels == [WINDOW_AREA as f32; L] {
+        sums.take_in::<true>(windows, extent, scale);
+    } else {
+        sums.take_in::<false>(windows, extent, scale);
     }
-    let mut sums = Aligned([[[0.0; L]; D]; D]);
-    let mut totals = Aligned([[0.0; L]; D]);
-    let features = windows.features.chunks_exact_mut(CHUNK);
-    for (features, samples) in features.zip(windows.samples.chunks_exact(CHUNK)) {
-        let (Some(features), Some(samples)) = (
-            features.first_chunk_mut::<CHUNK>(),
-            samples.first_chunk::<CHUNK>(),
-        ) else {
-            break;
-        };
-        let mut rows = Aligned([[[0.0; L]; D]; CHUNK]);
-        for p in 0..CHUNK {
-            for j in 0..D {
-                for l in 0..L {
-                    let inside = within(features[p][j][l], extent.low[j][l], extent.high[j][l]);
-                    let mapped = (inside - origin[j][l]) * scale[j][l];
-                    features[p][j][l] = mapped;
-                    rows.0[p][j][l] = if samples[p].weight[l] > 0.0 {
-                        mapped
-                    } else {
-                        0.0
-                    };
-                }
-                lanes_stay_innermost();
-            }
-        }
+    sums.about_mean(&extent.pixels)
+}
+
+/// Sums over the mapped features of the valid pixels.
+struct RangeSums<const D: usize, const L: usize> {
+    products: Aligned<[[[f32; L]; D]; D]>,
+    totals: Aligned<[[f32; L]; D]>,
+}
+
+impl<const D: usize, const L: usize> RangeSums<D, L> {
+    /// Maps the windows and takes them in; `WHOLE` if every pixel is valid, which changes no bit.
+    #[inline(always)]
+    fn take_in<const WHOLE: bool>(
+        &mut self,
+        windows: &mut Windows<D, L>,
+        extent: &Extent<D, L>,
+        scale: &[[f32; L]; D],
+    ) {
+        let [first, ..] = &windows.features;
+        let mut origin = *first;
         for j in 0..D {
-            let (mut row, mut total) = (sums.0[j], totals.0[j]);
+            for l in 0..L {
+                origin[j][l] = within(origin[j][l], extent.low[j][l], extent.high[j][l]);
+            }
+            lanes_stay_innermost();
+        }
+        let features = windows.features.chunks_exact_mut(CHUNK);
+        for (features, samples) in features.zip(windows.samples.chunks_exact(CHUNK)) {
+            let (Some(features), Some(samples)) = (
+                features.first_chunk_mut::<CHUNK>(),
+                samples.first_chunk::<CHUNK>(),
+            ) else {
+                break;
+            };
+            let mut rows = Aligned([[[0.0; L]; D]; CHUNK]);
+            for p in 0..CHUNK {
+                for j in 0..D {
+                    for l in 0..L {
+                        let value = features[p][j][l];
+                        let inside = if WHOLE {
+                            value
+                        } else {
+                            within(value, extent.low[j][l], extent.high[j][l])
+                        };
+                        let mapped = (inside - origin[j][l]) * scale[j][l];
+                        features[p][j][l] = mapped;
+                        let valid = WHOLE || samples[p].weight[l] > 0.0;
+                        rows.0[p][j][l] = if valid { mapped } else { 0.0 };
+                    }
+                    lanes_stay_innermost();
+                }
+            }
+            self.add(&rows.0);
+        }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, rows: &[[[f32; L]; D]; CHUNK]) {
+        for j in 0..D {
+            let (mut row, mut total) = (self.products.0[j], self.totals.0[j]);
             for p in 0..CHUNK {
                 for k in j..D {
                     for l in 0..L {
-                        row[k][l] += rows.0[p][j][l] * rows.0[p][k][l];
+                        row[k][l] += rows[p][j][l] * rows[p][k][l];
                     }
                     lanes_stay_innermost();
                 }
                 for l in 0..L {
-                    total[l] += rows.0[p][j][l];
+                    total[l] += rows[p][j][l];
                 }
             }
-            (sums.0[j], totals.0[j]) = (row, total);
+            (self.products.0[j], self.totals.0[j]) = (row, total);
             lanes_stay_innermost();
         }
     }
-    for j in 0..D {
-        for k in j..D {
-            for l in 0..L {
-                // 0 / 0 in a window without pixels, which has no sums either.
-                let mean = if extent.pixels[l] > 0.0 {
-                    totals.0[j][l] / extent.pixels[l]
-                } else {
-                    0.0
-                };
-                sums.0[j][k][l] -= mean * totals.0[k][l];
+
+    /// The products with the means taken off.
+    #[inline(always)]
+    fn about_mean(self, pixels: &[f32; L]) -> [[[f32; L]; D]; D] {
+        let mut products = self.products.0;
+        for j in 0..D {
+            for k in j..D {
+                for l in 0..L {
+                    // 0 / 0 in a window without pixels, which has no sums either.
+                    let mean = self.totals.0[j][l] / pixels[l];
+                    let mean = if pixels[l] > 0.0 { mean } else { 0.0 };
+                    products[j][k][l] -= mean * self.totals.0[k][l];
+                }
+                lanes_stay_innermost();
             }
-            lanes_stay_innermost();
         }
+        products
     }
-    sums.0
 }
 
 /// Pixels that are mapped at a time: a row of sums stays in registers over them.
