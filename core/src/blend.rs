@@ -5,8 +5,8 @@
     reason = "the loops follow the indices of the formulas"
 )]
 
-use crate::fit::{Coefficients, Models, evaluate, terms};
-use crate::float::sqrt;
+use crate::fit::{Coefficients, Models, evaluate};
+use crate::float::reciprocal_sqrt;
 use crate::lanes::lanes_stay_innermost;
 use crate::params::Formulas;
 use crate::tile::{
@@ -190,7 +190,17 @@ fn own_weight<const D: usize>(pixel: &Pixel<D>, sum: &Sum, formulas: Formulas) -
 /// square, which trusts the luckiest.
 #[inline(always)]
 fn reliability(error: f32) -> f32 {
-    1.0 / (error * sqrt(error))
+    let root = reciprocal_sqrt(error);
+    root * root * root
+}
+
+/// One lane of a colour.
+#[inline(always)]
+fn of_lane<const L: usize>([r, g, b]: &[[f32; L]; 3], l: usize) -> [f32; 3] {
+    match (r.get(l), g.get(l), b.get(l)) {
+        (Some(&r), Some(&g), Some(&b)) => [r, g, b],
+        _ => [0.0; 3],
+    }
 }
 
 /// Position of each pixel of a window in raster order with a margin of one, ring after ring.
@@ -212,9 +222,11 @@ const fn raster() -> [usize; WINDOW_AREA] {
 /// The predictions of the models of `L` windows, ring after ring, and their weights.
 #[repr(C, align(64))]
 pub(crate) struct PredictionWindows<const L: usize> {
-    /// Radiance.
+    /// Radiance, in the end times the weight.
     colour: [[[f32; L]; 3]; WINDOW_AREA],
+    /// 0 for a prediction that left f32.
     weight: [[f32; L]; WINDOW_AREA],
+    /// Estimated squared error times the weight.
     error: [[f32; L]; WINDOW_AREA],
     /// Squared distance between prediction and pixel over the pixel's variance, raster order with a margin.
     distance: [[f32; L]; SIDE * SIDE],
@@ -248,11 +260,10 @@ impl<const L: usize> PredictionWindows<L> {
         }
         let pixels = windows.features.iter().zip(&windows.samples);
         for (i, (features, sample)) in pixels.enumerate().take(window_pixels(widest)) {
-            let terms = terms::<T, D, L>(features);
-            let colour = models
-                .coefficients
-                .each_ref()
-                .map(|channel| evaluate(channel, &terms.0));
+            let mut colour = [[0.0; L]; 3];
+            for c in 0..3 {
+                colour[c] = evaluate(&models.coefficients[c], features);
+            }
             self.judge(i, &colour, sample, &models.radius);
             if let Some(predictions) = self.colour.get_mut(i) {
                 for c in 0..3 {
@@ -292,13 +303,17 @@ impl<const L: usize> PredictionWindows<L> {
                 let difference = colour[c][l] - sample.colour[c][l];
                 squared += difference * difference;
             }
+            let squared = if sample.weight[l] > 0.0 { squared } else { 0.0 };
             let disagreement = squared / (DISAGREEMENT * sample.tolerance[l] + f32::MIN_POSITIVE);
+            let agreement = 1.0 / (1.0 + disagreement);
             // Relative to a variance of 0 every error is infinite: a millionth of the squared radiance bounds it.
             let relative =
                 squared * sample.weight[l] / (sample.variance[l] * sample.weight[l] + 1e-6);
-            let valid = sample.weight[l] > 0.0;
-            let agreement = 1.0 / (1.0 + if valid { disagreement } else { 0.0 });
-            let known_here = if valid { inside[l] } else { 0.0 };
+            let known_here = if sample.weight[l] > 0.0 {
+                inside[l]
+            } else {
+                0.0
+            };
             weight[l] = agreement;
             distance[l] = if known_here > 0.0 { relative } else { 0.0 };
             known[l] = known_here;
@@ -330,16 +345,28 @@ impl<const L: usize> PredictionWindows<L> {
             .take(window_pixels(widest))
         {
             let bias = self.local_error(i);
-            let (Some(weight), Some(error)) = (self.weight.get_mut(i), self.error.get_mut(i))
-            else {
+            let (Some(weight), Some(error), Some(colour)) = (
+                self.weight.get_mut(i),
+                self.error.get_mut(i),
+                self.colour.get_mut(i),
+            ) else {
                 return;
             };
             for l in 0..L {
-                weight[l] = match formulas {
+                let own = match formulas {
                     Formulas::Robust => weight[l] * reliability(bias[l] + ERROR_SOFTENING),
                     Formulas::Literal => 1.0,
                 };
-                error[l] = (bias[l] + fit_variance[l]) * sample.variance[l] * per_channel[l];
+                let squared = (bias[l] + fit_variance[l]) * sample.variance[l] * per_channel[l];
+                let (r, g, b) = (colour[0][l] * own, colour[1][l] * own, colour[2][l] * own);
+                let squared = squared * own;
+                // Not a number, too, where two of them are infinite.
+                let kept = (r + g + b + squared).is_finite();
+                weight[l] = if kept { own } else { 0.0 };
+                error[l] = if kept { squared } else { 0.0 };
+                colour[0][l] = if kept { r } else { 0.0 };
+                colour[1][l] = if kept { g } else { 0.0 };
+                colour[2][l] = if kept { b } else { 0.0 };
             }
             lanes_stay_innermost();
         }
@@ -392,18 +419,13 @@ impl<const L: usize> PredictionWindows<L> {
             ) else {
                 return;
             };
-            let added = Sum {
-                colour: colour
-                    .each_ref()
-                    .map(|v| v.get(l).copied().unwrap_or(0.0) * weight),
+            sum.add(&Sum {
+                colour: of_lane(colour, l),
                 weight,
-                error: error * weight,
+                error,
                 radius: radius as f32 * weight,
                 rank: rank * weight,
-            };
-            if added.colour.iter().all(|v| v.is_finite()) && added.error.is_finite() {
-                sum.add(&added);
-            }
+            });
             lanes_stay_innermost();
         }
     }
@@ -416,9 +438,8 @@ impl<const L: usize> PredictionWindows<L> {
         windows: &Windows<D, L>,
     ) {
         for (colour, features) in self.colour.iter_mut().zip(&windows.features) {
-            let terms = terms::<T, D, L>(features);
             for c in 0..3 {
-                colour[c] = evaluate(&coefficients[c], &terms.0);
+                colour[c] = evaluate(&coefficients[c], features);
             }
             lanes_stay_innermost();
         }
@@ -441,8 +462,8 @@ impl<const L: usize> PredictionWindows<L> {
             ) else {
                 return;
             };
-            for (sum, value) in sum.iter_mut().zip(colour) {
-                let added = value.get(l).copied().unwrap_or(0.0) * weight;
+            for (sum, value) in sum.iter_mut().zip(of_lane(colour, l)) {
+                let added = value * weight;
                 if added.is_finite() {
                     *sum += added;
                 }

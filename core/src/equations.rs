@@ -10,7 +10,7 @@
 )]
 
 use crate::float::saturate;
-use crate::lanes::lanes_stay_innermost;
+use crate::lanes::{add_products, lanes_stay_innermost};
 use crate::prior::CHANNELS;
 
 /// A pivot below this part of its diagonal element is rounding, not information.
@@ -43,33 +43,23 @@ impl<const T: usize, const L: usize> Equations<T, L> {
         }
     }
 
-    /// Adds `N` pixels to each lane, in order; a weight of 0 adds nothing.
-    ///
-    /// Several at a time, so that a row of sums stays in registers over them.
+    /// Adds the pixels of a chunk to each lane, in order; a weight of 0 adds nothing.
     #[inline(always)]
-    pub(crate) fn add<const N: usize>(
-        &mut self,
-        z: &[[[f32; L]; T]; N],
-        y: &[[[f32; L]; CHANNELS]; N],
-        weight: &[[f32; L]; N],
-    ) {
-        let (z, wz) = weighted(z, weight);
+    pub(crate) fn add<const N: usize>(&mut self, chunk: &Chunk<T, L, N>) {
         for i in 0..T {
-            let mut row = self.gram[i];
-            for p in 0..N {
-                for j in i..T {
-                    multiply_add(&mut row[j], &wz.0[p][i], &z.0[p][j]);
-                }
-            }
-            self.gram[i] = row;
-            lanes_stay_innermost();
+            add_products::<f64, T, N, L>(
+                &mut self.gram[i],
+                i,
+                |p| &chunk.weighted[p][i],
+                |p| &chunk.regressors[p],
+            );
         }
-        for c in 0..CHANNELS {
-            add_moments(&mut self.moments[c], &wz.0, c, y);
-            for p in 0..N {
-                let y = widened(&y[p][c]);
+        chunk.add_to_moments(&mut self.moments);
+        for p in 0..N {
+            for c in 0..CHANNELS {
                 for l in 0..L {
-                    self.squares[c][l] += f64::from(weight[p][l]) * y[l] * y[l];
+                    let y = chunk.response[p][c][l];
+                    self.squares[c][l] += chunk.weight[p][l] * y * y;
                 }
                 lanes_stay_innermost();
             }
@@ -135,60 +125,77 @@ pub(crate) fn about<const T: usize, const L: usize>(
     about
 }
 
-/// Adds `N` pixels' `w z y` to each lane's moments.
-#[inline(always)]
-pub(crate) fn add_to_moments<const T: usize, const L: usize, const N: usize>(
-    moments: &mut [[[f64; L]; T]; CHANNELS],
-    z: &[[[f32; L]; T]; N],
-    y: &[[[f32; L]; CHANNELS]; N],
-    weight: &[[f32; L]; N],
-) {
-    let (_, wz) = weighted(z, weight);
-    for c in 0..CHANNELS {
-        add_moments(&mut moments[c], &wz.0, c, y);
-    }
+/// `N` pixels of each lane in double precision: several at a time, so that sums stay in registers over them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(64))]
+pub(crate) struct Chunk<const T: usize, const L: usize, const N: usize> {
+    /// z.
+    regressors: [[[f64; L]; T]; N],
+    /// w z.
+    weighted: [[[f64; L]; T]; N],
+    /// y.
+    response: [[[f64; L]; CHANNELS]; N],
+    /// w.
+    weight: [[f64; L]; N],
 }
 
-#[inline(always)]
-fn add_moments<const T: usize, const L: usize, const N: usize>(
-    moments: &mut [[f64; L]; T],
-    wz: &[[[f64; L]; T]; N],
-    channel: usize,
-    y: &[[[f32; L]; CHANNELS]; N],
-) {
-    let mut row = *moments;
-    for p in 0..N {
-        let y = widened(&y[p][channel]);
-        for j in 0..T {
-            multiply_add(&mut row[j], &wz[p][j], &y);
+impl<const T: usize, const L: usize, const N: usize> Chunk<T, L, N> {
+    /// Pixels without weight.
+    pub(crate) const ZERO: Self = Self {
+        regressors: [[[0.0; L]; T]; N],
+        weighted: [[[0.0; L]; T]; N],
+        response: [[[0.0; L]; CHANNELS]; N],
+        weight: [[0.0; L]; N],
+    };
+
+    /// Sets pixel `p`, whose regressor `t` is `regressor(t)`.
+    #[inline(always)]
+    pub(crate) fn set(
+        &mut self,
+        p: usize,
+        regressor: impl Fn(usize) -> [f32; L],
+        response: &[[f32; L]; CHANNELS],
+        weight: &[f32; L],
+    ) {
+        let (Some(regressors), Some(weighted), Some(responses), Some(weights)) = (
+            self.regressors.get_mut(p),
+            self.weighted.get_mut(p),
+            self.response.get_mut(p),
+            self.weight.get_mut(p),
+        ) else {
+            return;
+        };
+        for l in 0..L {
+            weights[l] = f64::from(weight[l]);
         }
-    }
-    *moments = row;
-    lanes_stay_innermost();
-}
-
-/// Regressors of `N` pixels in double precision.
-type Wide<const T: usize, const L: usize, const N: usize> = Aligned<[[[f64; L]; T]; N]>;
-
-/// `z` and `w z`.
-#[inline(always)]
-fn weighted<const T: usize, const L: usize, const N: usize>(
-    z: &[[[f32; L]; T]; N],
-    weight: &[[f32; L]; N],
-) -> (Wide<T, L, N>, Wide<T, L, N>) {
-    let mut wide = Aligned([[[0.0; L]; T]; N]);
-    let mut scaled = Aligned([[[0.0; L]; T]; N]);
-    for p in 0..N {
-        let weight = widened(&weight[p]);
-        for j in 0..T {
+        for t in 0..T {
+            let z = regressor(t);
             for l in 0..L {
-                wide.0[p][j][l] = f64::from(z[p][j][l]);
-                scaled.0[p][j][l] = wide.0[p][j][l] * weight[l];
+                regressors[t][l] = f64::from(z[l]);
+                weighted[t][l] = regressors[t][l] * weights[l];
+            }
+            lanes_stay_innermost();
+        }
+        for c in 0..CHANNELS {
+            for l in 0..L {
+                responses[c][l] = f64::from(response[c][l]);
             }
             lanes_stay_innermost();
         }
     }
-    (wide, scaled)
+
+    /// Adds the pixels' `w z y`.
+    #[inline(always)]
+    pub(crate) fn add_to_moments(&self, moments: &mut [[[f64; L]; T]; CHANNELS]) {
+        for c in 0..CHANNELS {
+            add_products::<f64, T, N, L>(
+                &mut moments[c],
+                0,
+                |p| &self.response[p][c],
+                |p| &self.weighted[p],
+            );
+        }
+    }
 }
 
 #[inline(always)]
@@ -283,23 +290,27 @@ impl<const T: usize, const L: usize> Factor<T, L> {
     #[inline(always)]
     pub(crate) fn solve(&self, x: &mut [[f64; L]; T]) {
         for j in 0..T {
+            let mut sum = x[j];
             for k in 0..j {
                 for l in 0..L {
-                    x[j][l] -= self.lower[j][k][l] * x[k][l];
+                    sum[l] -= self.lower[j][k][l] * x[k][l];
                 }
                 lanes_stay_innermost();
             }
+            x[j] = sum;
         }
         for j in (0..T).rev() {
+            let mut sum = x[j];
             for l in 0..L {
-                x[j][l] *= self.inverse[j][l];
+                sum[l] *= self.inverse[j][l];
             }
             for k in j + 1..T {
                 for l in 0..L {
-                    x[j][l] -= self.lower[k][j][l] * x[k][l];
+                    sum[l] -= self.lower[k][j][l] * x[k][l];
                 }
                 lanes_stay_innermost();
             }
+            x[j] = sum;
         }
     }
 

@@ -15,7 +15,7 @@
 
 use crate::eigen::{Decomposed, decorrelate};
 use crate::equations::Aligned;
-use crate::lanes::lanes_stay_innermost;
+use crate::lanes::{add_products, lanes_stay_innermost};
 use crate::tile::WINDOW_AREA;
 use crate::window::{Extent, Windows};
 
@@ -178,20 +178,16 @@ impl<const D: usize, const L: usize> RangeSums<D, L> {
     #[inline(always)]
     fn add(&mut self, rows: &[[[f32; L]; D]; CHUNK]) {
         for j in 0..D {
-            let (mut row, mut total) = (self.products.0[j], self.totals.0[j]);
-            for p in 0..CHUNK {
-                for k in j..D {
-                    for l in 0..L {
-                        row[k][l] += rows[p][j][l] * rows[p][k][l];
-                    }
-                    lanes_stay_innermost();
-                }
+            let products = &mut self.products.0[j];
+            add_products::<f32, D, CHUNK, L>(products, j, |p| &rows[p][j], |p| &rows[p]);
+            let mut total = self.totals.0[j];
+            for row in rows {
                 for l in 0..L {
-                    total[l] += rows[p][j][l];
+                    total[l] += row[j][l];
                 }
+                lanes_stay_innermost();
             }
-            (self.products.0[j], self.totals.0[j]) = (row, total);
-            lanes_stay_innermost();
+            self.totals.0[j] = total;
         }
     }
 

@@ -14,7 +14,7 @@
     reason = "the loops follow the indices of the formulas"
 )]
 
-use crate::equations::{Aligned, Equations, Factor, about, add_to_moments};
+use crate::equations::{Aligned, Chunk, Equations, Factor, about};
 use crate::feature_space::Basis;
 use crate::float::saturate;
 use crate::lanes::lanes_stay_innermost;
@@ -98,6 +98,7 @@ impl<const T: usize, const L: usize> Systems<T, L> {
     ) -> Coefficients<T, L> {
         let [centre, ..] = layer;
         let mut moments = [[[0.0; L]; T]; CHANNELS];
+        let mut chunk = Chunk::<T, L, 1>::ZERO;
         let pixels = windows.features.iter().zip(&windows.samples).zip(layer);
         for (i, ((features, sample), colour)) in pixels.enumerate() {
             let mut weight = sample.weight;
@@ -106,8 +107,8 @@ impl<const T: usize, const L: usize> Systems<T, L> {
                     weight[l] = 0.0;
                 }
             }
-            let terms = terms::<T, D, L>(features);
-            add_to_moments(&mut moments, &[terms.0], &[*colour], &[weight]);
+            chunk.set(0, |t| term(features, t), colour, &weight);
+            chunk.add_to_moments(&mut moments);
             lanes_stay_innermost();
         }
         let change = about(&self.gram, &moments, centre);
@@ -115,19 +116,13 @@ impl<const T: usize, const L: usize> Systems<T, L> {
     }
 }
 
-/// The regressors of a pixel, from its local features.
+/// Regressor `t` of a pixel: 1, then its local features, then 0.
 #[inline(always)]
-pub(crate) fn terms<const T: usize, const D: usize, const L: usize>(
-    features: &[[f32; L]; D],
-) -> Aligned<[[f32; L]; T]> {
-    let mut terms = Aligned([[0.0; L]; T]);
-    terms.0[0] = [1.0; L];
-    for t in 1..T {
-        if let Some(feature) = features.get(t - 1) {
-            terms.0[t] = *feature;
-        }
+pub(crate) fn term<const D: usize, const L: usize>(features: &[[f32; L]; D], t: usize) -> [f32; L] {
+    match t.checked_sub(1) {
+        None => [1.0; L],
+        Some(feature) => features.get(feature).copied().unwrap_or([0.0; L]),
     }
-    terms
 }
 
 /// Fits each window on the first `T` of its terms, and leaves the local features in the windows. The systems are there
@@ -144,8 +139,10 @@ pub(crate) fn fit<const T: usize, const D: usize, const L: usize>(
     let (centre, rings) = windows.features.split_at_mut(1);
     let (own, samples) = windows.samples.split_at(1);
     if let (Some(features), Some(samples)) = (centre.first_chunk_mut(), own.first_chunk()) {
-        growth.take_in::<1, D>(0, features, samples, basis);
+        let mut alone = Chunk::ZERO;
+        growth.take_in::<1, D>(0, features, samples, basis, &mut alone);
     }
+    let mut chunk = Chunk::ZERO;
     // A ring is 8 r pixels: r chunks.
     let chunks = rings
         .chunks_exact_mut(CHUNK)
@@ -158,7 +155,7 @@ pub(crate) fn fit<const T: usize, const D: usize, const L: usize>(
     });
     for radius in 1..=RADIUS {
         for (features, samples) in chunks.by_ref().take(radius) {
-            growth.take_in::<CHUNK, D>(radius, features, samples, basis);
+            growth.take_in::<CHUNK, D>(radius, features, samples, basis, &mut chunk);
             lanes_stay_innermost();
         }
         growth.choose(radius, params);
@@ -198,7 +195,10 @@ fn project<const T: usize, const D: usize, const L: usize>(
         }
         local.0[k] = sum;
     }
-    *features = local.0;
+    for k in 0..D {
+        features[k] = local.0[k];
+        lanes_stay_innermost();
+    }
 }
 
 /// Models while their windows grow.
@@ -256,30 +256,27 @@ impl<const T: usize, const L: usize> Growth<T, L> {
         features: &mut [[[f32; L]; D]; N],
         samples: &[Sample<L>; N],
         basis: &Basis<D, L>,
+        chunk: &mut Chunk<T, L, N>,
     ) {
-        let mut z = Aligned([[[0.0; L]; T]; N]);
-        let mut colour = [[[0.0; L]; CHANNELS]; N];
-        let mut weight = [[0.0; L]; N];
         for p in 0..N {
-            project::<T, D, L>(&mut features[p], basis);
-            z.0[p] = terms(&features[p]).0;
-            colour[p] = samples[p].colour;
-            weight[p] = samples[p].weight;
+            let (features, sample) = (&mut features[p], &samples[p]);
+            project::<T, D, L>(features, basis);
+            chunk.set(p, |t| term(features, t), &sample.colour, &sample.weight);
             if radius >= FIRST_TEST_RING {
-                let squared = squared_distance(&self.previous.0, &z.0[p], &colour[p]);
+                let squared = squared_distance(&self.previous.0, features, &sample.colour);
                 for l in 0..L {
-                    let test = weight[p][l] * (squared[l] - samples[p].variance[l]);
-                    self.test[l] += if weight[p][l] > 0.0 { test } else { 0.0 };
+                    let test = sample.weight[l] * (squared[l] - sample.variance[l]);
+                    self.test[l] += if sample.weight[l] > 0.0 { test } else { 0.0 };
                 }
             }
             for l in 0..L {
-                self.pixels[l] += if weight[p][l] > 0.0 { 1.0 } else { 0.0 };
-                self.weights[l] += weight[p][l];
-                self.noise[l] += weight[p][l] * samples[p].variance[l];
+                self.pixels[l] += if sample.weight[l] > 0.0 { 1.0 } else { 0.0 };
+                self.weights[l] += sample.weight[l];
+                self.noise[l] += sample.weight[l] * sample.variance[l];
             }
             lanes_stay_innermost();
         }
-        self.sums.add(&z.0, &colour, &weight);
+        self.sums.add(chunk);
     }
 
     /// Fits what has been taken in up to ring `radius`, and keeps each model whose risk is the least so far.
@@ -399,16 +396,18 @@ fn constant<const T: usize, const L: usize>(centre: &[[f32; L]; CHANNELS]) -> Co
     coefficients
 }
 
-/// `beta^T z` of one channel.
+/// `beta^T z` of one channel, from a pixel's local features.
 #[inline(always)]
-pub(crate) fn evaluate<const T: usize, const L: usize>(
+pub(crate) fn evaluate<const T: usize, const D: usize, const L: usize>(
     coefficients: &[[f32; L]; T],
-    terms: &[[f32; L]; T],
+    features: &[[f32; L]; D],
 ) -> [f32; L] {
-    let mut value = [0.0; L];
-    for t in 0..T {
-        for l in 0..L {
-            value[l] += coefficients[t][l] * terms[t][l];
+    let mut value = coefficients[0];
+    for t in 1..T {
+        if let Some(feature) = features.get(t - 1) {
+            for l in 0..L {
+                value[l] += coefficients[t][l] * feature[l];
+            }
         }
         lanes_stay_innermost();
     }
@@ -417,14 +416,14 @@ pub(crate) fn evaluate<const T: usize, const L: usize>(
 
 /// `sum over channels (beta^T z - y)^2`.
 #[inline(always)]
-fn squared_distance<const T: usize, const L: usize>(
+fn squared_distance<const T: usize, const D: usize, const L: usize>(
     coefficients: &Coefficients<T, L>,
-    terms: &[[f32; L]; T],
+    features: &[[f32; L]; D],
     colour: &[[f32; L]; CHANNELS],
 ) -> [f32; L] {
     let mut sum = [0.0; L];
     for c in 0..CHANNELS {
-        let value = evaluate(&coefficients[c], terms);
+        let value = evaluate(&coefficients[c], features);
         for l in 0..L {
             sum[l] += (value[l] - colour[c][l]) * (value[l] - colour[c][l]);
         }

@@ -1,5 +1,6 @@
 //! How loops whose body works on several lanes are kept what they are.
 
+use core::ops::{AddAssign, Mul};
 use core::sync::atomic::{Ordering, compiler_fence};
 
 /// Ends an iteration of a loop over pixels, terms or features.
@@ -10,4 +11,64 @@ use core::sync::atomic::{Ordering, compiler_fence};
 #[inline(always)]
 pub(crate) fn lanes_stay_innermost() {
     compiler_fence(Ordering::SeqCst);
+}
+
+/// Adds `left(p) * right(p)[j]` to `sums[j]`, for j from `from` on and `N` pixels p in their order.
+///
+/// Four sums at a time stay in registers over all the pixels.
+#[inline(always)]
+pub(crate) fn add_products<'a, A, const W: usize, const N: usize, const L: usize>(
+    sums: &mut [[A; L]; W],
+    from: usize,
+    left: impl Fn(usize) -> &'a [A; L],
+    right: impl Fn(usize) -> &'a [[A; L]; W],
+) where
+    A: Copy + AddAssign + Mul<Output = A> + 'a,
+{
+    let mut j = from;
+    while j + 4 <= W {
+        add_block::<A, 4, W, N, L>(sums, j, &left, &right);
+        j += 4;
+    }
+    match W.saturating_sub(j) {
+        1 => add_block::<A, 1, W, N, L>(sums, j, &left, &right),
+        2 => add_block::<A, 2, W, N, L>(sums, j, &left, &right),
+        3 => add_block::<A, 3, W, N, L>(sums, j, &left, &right),
+        _ => {}
+    }
+}
+
+/// The same for the `K` sums from `j` on.
+#[inline(always)]
+fn add_block<'a, A, const K: usize, const W: usize, const N: usize, const L: usize>(
+    sums: &mut [[A; L]; W],
+    j: usize,
+    left: &impl Fn(usize) -> &'a [A; L],
+    right: &impl Fn(usize) -> &'a [[A; L]; W],
+) where
+    A: Copy + AddAssign + Mul<Output = A> + 'a,
+{
+    let Some(sums) = sums
+        .get_mut(j..)
+        .and_then(|sums| sums.first_chunk_mut::<K>())
+    else {
+        return;
+    };
+    let mut block = *sums;
+    for p in 0..N {
+        let by = left(p);
+        if let Some(values) = right(p)
+            .get(j..)
+            .and_then(|values| values.first_chunk::<K>())
+        {
+            for (sum, value) in block.iter_mut().zip(values) {
+                for l in 0..L {
+                    sum[l] += by[l] * value[l];
+                }
+            }
+        }
+        lanes_stay_innermost();
+    }
+    *sums = block;
+    lanes_stay_innermost();
 }

@@ -18,7 +18,7 @@
 )]
 
 use crate::dot::finite_dot;
-use crate::equations::{Equations, Factor};
+use crate::equations::{Chunk, Equations, Factor};
 use crate::float::{ln_f64, saturate, sqrt_f64};
 use crate::prior::{CHANNELS, Prior};
 
@@ -51,8 +51,7 @@ impl<const T: usize> Gram<T> {
 
     /// Adds one pixel's `w z z^T`.
     pub fn add(&mut self, z: &[f32; T], weight: f32) {
-        self.sums
-            .add(&[z.map(|v| [v])], &[[[0.0]; CHANNELS]], &[[weight]]);
+        self.sums.add(&one_pixel(z, &[0.0; CHANNELS], weight));
     }
 
     fn times(&self, x: &[f32; T]) -> [f64; T] {
@@ -93,8 +92,7 @@ impl<const T: usize> NormalEquations<T> {
     ///
     /// A value that is not finite spoils the sums: [`solve`](Self::solve) then says so. Cost: `T (T + 1) / 2 + 3 T` multiply-adds.
     pub fn add(&mut self, z: &[f32; T], y: &[f32; CHANNELS], weight: f32) {
-        self.sums
-            .add(&[z.map(|v| [v])], &[y.map(|v| [v])], &[[weight]]);
+        self.sums.add(&one_pixel(z, y, weight));
     }
 
     /// `sum w z z^T`.
@@ -150,6 +148,13 @@ impl<const T: usize> Default for NormalEquations<T> {
     fn default() -> Self {
         Self::new()
     }
+}
+
+fn one_pixel<const T: usize>(z: &[f32; T], y: &[f32; CHANNELS], weight: f32) -> Chunk<T, 1, 1> {
+    let mut chunk = Chunk::ZERO;
+    let regressor = |t: usize| [z.get(t).copied().unwrap_or(0.0)];
+    chunk.set(0, regressor, &y.map(|v| [v]), &[weight]);
+    chunk
 }
 
 /// A fitted model: coefficients, and the factor of P that its uncertainty needs.

@@ -73,15 +73,11 @@ impl<const D: usize, const L: usize> Windows<D, L> {
             weight: [0.0; L],
         };
         for (row, places) in RASTER_TO_RING.iter().enumerate() {
-            let mut values = [[[0.0; L]; D]; SPAN];
-            let mut weights = [[0.0; L]; SPAN];
             for (column, &place) in places.iter().enumerate() {
                 let step = (row * TILE + column) as isize - (RADIUS * (TILE + 1)) as isize;
-                let (Some(features), Some(sample), Some(values), Some(weights)) = (
+                let (Some(features), Some(sample)) = (
                     self.features.get_mut(usize::from(place)),
                     self.samples.get_mut(usize::from(place)),
-                    values.get_mut(column),
-                    weights.get_mut(column),
                 ) else {
                     break;
                 };
@@ -91,20 +87,27 @@ impl<const D: usize, const L: usize> Windows<D, L> {
                         None => &Pixel::OUTSIDE,
                     };
                     for j in 0..D {
-                        values[j][l] = pixel.features[j];
+                        features[j][l] = pixel.features[j];
                     }
                     for c in 0..3 {
                         sample.colour[c][l] = pixel.colour[c];
                     }
-                    weights[l] = pixel.weight;
+                    sample.weight[l] = pixel.weight;
                     sample.variance[l] = pixel.variance;
                     sample.tolerance[l] = pixel.tolerance;
                 }
-                *features = *values;
-                sample.weight = *weights;
                 lanes_stay_innermost();
             }
-            extent.take_in(&values, &weights);
+        }
+        // Not while they are read: what was just stored lane by lane cannot be loaded as a vector yet.
+        let features = self.features.chunks_exact(SPAN);
+        for (features, samples) in features.zip(self.samples.chunks_exact(SPAN)) {
+            if let (Some(features), Some(samples)) = (
+                features.first_chunk::<SPAN>(),
+                samples.first_chunk::<SPAN>(),
+            ) {
+                extent.take_in(features, samples);
+            }
         }
         extent
     }
@@ -137,12 +140,13 @@ impl<const D: usize, const L: usize> Windows<D, L> {
 }
 
 impl<const D: usize, const L: usize> Extent<D, L> {
-    /// Takes in a row of the windows.
+    /// Takes in some pixels of the windows.
     #[inline(always)]
-    fn take_in(&mut self, values: &[[[f32; L]; D]; SPAN], weights: &[[f32; L]; SPAN]) {
+    fn take_in(&mut self, values: &[[[f32; L]; D]; SPAN], samples: &[Sample<L>; SPAN]) {
         // Moves what does not count out of the way; a condition here would be a branch, and no vector instruction.
         let mut aways = [[0.0; L]; SPAN];
-        for (weight, away) in weights.iter().zip(&mut aways) {
+        for (sample, away) in samples.iter().zip(&mut aways) {
+            let weight = &sample.weight;
             for l in 0..L {
                 away[l] = if weight[l] > 0.0 { 0.0 } else { f32::INFINITY };
                 self.pixels[l] += if weight[l] > 0.0 { 1.0 } else { 0.0 };
