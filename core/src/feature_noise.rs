@@ -1,10 +1,5 @@
 //! How much noise the features of each window of a cell have kept.
 
-#![expect(
-    clippy::needless_range_loop,
-    reason = "the loops follow the indices of the formulas"
-)]
-
 use crate::tile::{CELL, RADIUS, TILE, Tile};
 
 /// Pixels along a window.

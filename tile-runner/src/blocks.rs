@@ -61,15 +61,17 @@ impl PreparedRows {
         threads * (BLOCKS_PER_THREAD * size_of::<Block>() + size_of::<Inputs>()) as u64
     }
 
-    /// Works out the rows from `first_row` on, of which some may lie above the image, and returns how many feature groups had
-    /// to be filtered, per group and block.
-    pub(crate) fn fill(&mut self, band: &HeldRows, first_row: isize, level: Level) -> u64 {
+    /// Works out the rows from `first_row` on, of which some may lie above the image, and counts blocks of
+    /// features.
+    pub(crate) fn fill(&mut self, band: &HeldRows, first_row: isize, level: Level) -> Filled {
         let columns: Vec<usize> = (0..self.size.width()).step_by(BLOCK_WIDTH).collect();
         let at_once = BLOCKS_PER_THREAD * rayon::current_num_threads();
         let mut blocks: Vec<Box<Block>> = (0..at_once.min(columns.len()))
             .map(|_| Block::new())
             .collect();
-        let mut filtered = 0;
+        let mut filled = Filled::default();
+        // a group is there if its first feature is
+        let groups = GROUPS.map(|group| !self.features[group.start].is_empty());
         for columns in columns.chunks(at_once) {
             (blocks.par_iter_mut().zip(columns)).for_each_init(
                 Inputs::new,
@@ -84,16 +86,15 @@ impl PreparedRows {
                 },
             );
             for (block, &x) in blocks.iter().zip(columns) {
-                filtered += block
-                    .filtered
-                    .iter()
-                    .map(|done| u64::from(*done))
-                    .sum::<u64>();
+                for (present, filtered) in groups.iter().zip(block.filtered) {
+                    filled.feature_blocks += u64::from(*present);
+                    filled.skipped += u64::from(*present && !filtered);
+                }
                 self.store(block, x);
                 self.copy_unfiltered(block, band, x, first_row);
             }
         }
-        filtered
+        filled
     }
 
     fn store(&mut self, block: &Block, x: usize) {
@@ -148,6 +149,14 @@ impl PreparedRows {
 
 /// Features that are filtered together: normal, albedo, depth.
 const GROUPS: [Range<usize>; 3] = [0..3, 3..6, 6..7];
+
+/// What filling rows took, in blocks of features, one for each group.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Filled {
+    pub(crate) feature_blocks: u64,
+    /// Blocks without noise in reach.
+    pub(crate) skipped: u64,
+}
 
 /// One block's results.
 struct Block {

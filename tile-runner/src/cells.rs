@@ -196,6 +196,7 @@ struct RowOfCells<'a> {
     /// The next column that no thread has taken.
     next: AtomicUsize,
     models: &'a AtomicUsize,
+    skipped: &'a AtomicUsize,
     sums: Mutex<&'a mut Sums>,
 }
 
@@ -215,6 +216,7 @@ impl Cells<TILE_FEATURES> for Share<'_> {
             if self.row.formulas == Formulas::Literal || !self.row.around.is_clean(column) {
                 break column;
             }
+            self.row.skipped.fetch_add(1, Ordering::Relaxed);
         };
         let lane = &mut self.lanes[lane];
         lane.column = column;
@@ -305,6 +307,14 @@ pub(crate) struct SumRows {
     benches: Vec<Bench>,
 }
 
+/// What a row of cells took.
+pub(crate) struct Predicted {
+    pub(crate) models: u64,
+    pub(crate) cells: u64,
+    /// Cells without noise.
+    pub(crate) skipped: u64,
+}
+
 /// Rows that two rows of cells reach.
 const OVERLAP: usize = TILE - CELL;
 
@@ -355,15 +365,22 @@ impl SumRows {
         self.first += CELL as isize;
     }
 
-    /// Denoises a row of cells and adds up their predictions; returns how many models that took.
-    pub(crate) fn predict(&mut self, around: &Neighbourhood, params: &Params, level: Level) -> u64 {
-        let models = AtomicUsize::new(0);
+    /// Denoises a row of cells and adds up their predictions; counts what that took.
+    pub(crate) fn predict(
+        &mut self,
+        around: &Neighbourhood,
+        params: &Params,
+        level: Level,
+    ) -> Predicted {
+        let (models, skipped) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        let columns = around.size.width().div_ceil(CELL);
         let row = RowOfCells {
             around,
-            columns: around.size.width().div_ceil(CELL),
+            columns,
             formulas: params.formulas,
             next: AtomicUsize::new(0),
             models: &models,
+            skipped: &skipped,
             sums: Mutex::new(&mut self.own),
         };
         self.benches.par_iter_mut().for_each(|bench| {
@@ -374,7 +391,11 @@ impl SumRows {
             level.denoise_cells(&mut share, params, &mut bench.scratch);
         });
         self.add_before();
-        models.into_inner() as u64
+        Predicted {
+            models: models.into_inner() as u64,
+            cells: columns as u64,
+            skipped: skipped.into_inner() as u64,
+        }
     }
 
     /// Adds what the row of cells before has left.

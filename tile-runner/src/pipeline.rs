@@ -33,7 +33,7 @@ pub struct Options {
     pub threads: NonZeroUsize,
 }
 
-/// What a run did, in counts of pixels.
+/// What a run did, and what it could leave.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Report {
     /// Pixels of the image.
@@ -44,6 +44,14 @@ pub struct Report {
     pub passed_through: u64,
     /// Pixels with a NaN or infinite colour, predicted from their neighbours.
     pub repaired: u64,
+    /// Cells of 19 x 19 pixels.
+    pub cells: u64,
+    /// Of those, the ones that hold no noise: nothing is fitted in them.
+    pub cells_skipped: u64,
+    /// Blocks of features: a normal, an albedo or a depth each.
+    pub feature_blocks: u64,
+    /// Of those, the ones with no noise in reach: they are not filtered.
+    pub feature_blocks_skipped: u64,
 }
 
 /// Rows below a row of cells that its pixels depend on, beside those that variances are estimated from.
@@ -182,7 +190,9 @@ impl Frame {
         for piece in first..=row + 1 {
             let from = prepared_from(piece);
             if from < self.layout.size.height() as isize {
-                self.prepared[piece - row].fill(&self.band, from, self.level);
+                let filled = self.prepared[piece - row].fill(&self.band, from, self.level);
+                self.report.feature_blocks += filled.feature_blocks;
+                self.report.feature_blocks_skipped += filled.skipped;
             }
         }
         let around = Neighbourhood {
@@ -191,7 +201,10 @@ impl Frame {
             prepared: &self.prepared,
             row,
         };
-        self.report.models += self.sums.predict(&around, &self.params, self.level);
+        let predicted = self.sums.predict(&around, &self.params, self.level);
+        self.report.models += predicted.models;
+        self.report.cells += predicted.cells;
+        self.report.cells_skipped += predicted.skipped;
     }
 
     /// Writes the rows before `end`.

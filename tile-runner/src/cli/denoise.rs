@@ -200,6 +200,10 @@ fn report(summary: &Summary, started: Instant, format: LogFormat, output: &Path)
             models = done.models,
             passed_through = done.passed_through,
             repaired = done.repaired,
+            cells = done.cells,
+            cells_skipped = done.cells_skipped,
+            feature_blocks = done.feature_blocks,
+            feature_blocks_skipped = done.feature_blocks_skipped,
             clamped = summary.clamped,
             peak_bytes = summary.peak_memory,
             seconds,
@@ -219,6 +223,14 @@ fn report(summary: &Summary, started: Instant, format: LogFormat, output: &Path)
                 share(done.passed_through),
                 done.repaired
             );
+            if done.cells_skipped + done.feature_blocks_skipped > 0 {
+                let share = |part: u64, whole: u64| 100.0 * part as f64 / whole.max(1) as f64;
+                tracing::info!(
+                    "skipped, as they hold no noise: {:.1} % of the cells, {:.1} % of the feature blocks",
+                    share(done.cells_skipped, done.cells),
+                    share(done.feature_blocks_skipped, done.feature_blocks)
+                );
+            }
         }
     }
 }
