@@ -52,12 +52,16 @@ pub struct Job {
 }
 
 impl Job {
-    /// A cell that nothing is known of yet.
+    /// A cell that nothing is known of yet; its predictions are what no cell may leave there.
     pub fn new(tile: Box<Tile>, layers: Vec<LayerTile>) -> Self {
+        let mut predictions = Box::new(Predictions::NONE);
+        for sum in &mut predictions.sums {
+            sum.weight = f32::NAN;
+        }
         Self {
             tile,
             layers,
-            predictions: Box::new(Predictions::NONE),
+            predictions,
             models: None,
         }
     }
