@@ -28,7 +28,7 @@ fn whatever_the_limit_the_run_ends_in_a_sentence_or_in_the_same_file() {
         let options = ["--quality", "fast", "--threads", "3"];
         linpred_within(
             limit,
-            &[&["denoise", &input, "-o", output], &options[..]].concat(),
+            [&["denoise", &input, "-o", output], &options[..]].concat(),
         )
     };
     assert!(denoise(4 << 20, &ample).code() == Some(0));
