@@ -1,6 +1,8 @@
 //! Tiles made of a few values over and over, and the core run on them.
 
-use linpred_core::{Denoised, Params, PixelState, Predictions, Scratch, TILE_AREA, resolve};
+use linpred_core::{
+    Cells, Denoised, LayerTile, Params, PixelState, Predictions, Scratch, TILE_AREA, resolve,
+};
 
 /// Features of a pixel.
 pub const FEATURES: usize = 9;
@@ -34,6 +36,94 @@ pub fn denoise(tile: &Tile, params: &Params) -> Cell {
             .collect(),
         predictions,
     }
+}
+
+/// A cell on its way: its tile and layers, and what comes of them.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// What is denoised.
+    pub tile: Box<Tile>,
+    /// What follows it.
+    pub layers: Vec<LayerTile>,
+    /// What the models predict.
+    pub predictions: Box<Predictions>,
+    /// How many models it took; `None` until it is done.
+    pub models: Option<u32>,
+}
+
+impl Job {
+    /// A cell that nothing is known of yet; its predictions are what no cell may leave there.
+    pub fn new(tile: Box<Tile>, layers: Vec<LayerTile>) -> Self {
+        let mut predictions = Box::new(Predictions::NONE);
+        for sum in &mut predictions.sums {
+            sum.weight = f32::NAN;
+        }
+        Self {
+            tile,
+            layers,
+            predictions,
+            models: None,
+        }
+    }
+
+    /// The bits of all that came of it: predictions, layers' sums and models.
+    pub fn bits(&self) -> (Option<u32>, Vec<u32>) {
+        let sums = self.predictions.sums.iter().flat_map(|sum| {
+            let [red, green, blue] = sum.colour;
+            [
+                red, green, blue, sum.weight, sum.error, sum.radius, sum.rank,
+            ]
+        });
+        let layers = self.layers.iter().flat_map(|layer| layer.sums).flatten();
+        (self.models, sums.chain(layers).map(f32::to_bits).collect())
+    }
+}
+
+/// Cells that wait for a lane, and those that have one.
+struct Queue<'a> {
+    jobs: &'a mut [Job],
+    order: &'a [usize],
+    taken: usize,
+    /// Which job each lane has.
+    lanes: Vec<usize>,
+}
+
+impl Cells<FEATURES> for Queue<'_> {
+    fn next(&mut self, lane: usize) -> bool {
+        let Some(&job) = self.order.get(self.taken) else {
+            return false;
+        };
+        self.taken += 1;
+        self.lanes[lane] = job;
+        self.jobs[job].layers.iter_mut().for_each(LayerTile::clear);
+        true
+    }
+
+    fn tile(&self, lane: usize) -> &Tile {
+        &self.jobs[self.lanes[lane]].tile
+    }
+
+    fn results(&mut self, lane: usize) -> (&mut Predictions, &mut [LayerTile]) {
+        let job = &mut self.jobs[self.lanes[lane]];
+        (&mut job.predictions, &mut job.layers)
+    }
+
+    fn done(&mut self, lane: usize, models: u32) {
+        let before = self.jobs[self.lanes[lane]].models.replace(models);
+        assert_eq!(before, None, "a cell is done once");
+    }
+}
+
+/// Denoises the cells of `jobs` in this order, `L` side by side.
+pub fn denoise_side_by_side<const L: usize>(jobs: &mut [Job], order: &[usize], params: &Params) {
+    let mut queue = Queue {
+        jobs,
+        order,
+        taken: 0,
+        lanes: vec![0; L],
+    };
+    let mut scratch = Box::new(Scratch::<FEATURES, L>::new());
+    linpred_core::denoise_cells(&mut queue, params, &mut scratch);
 }
 
 /// A tile whose values are `values` again and again, within what a tile may hold: what is not finite is taken

@@ -45,6 +45,22 @@ pub fn linpred<A: AsRef<OsStr>>(arguments: impl IntoIterator<Item = A>) -> Ran {
     Ran { output }
 }
 
+/// Runs `linpred` with these arguments in so many KiB of address space, which bounds the memory that it can have in use.
+#[cfg(target_os = "linux")]
+pub fn linpred_within<A: AsRef<OsStr>>(
+    kibibytes: u64,
+    arguments: impl IntoIterator<Item = A>,
+) -> Ran {
+    let output = Command::new("sh")
+        .args(["-c", "ulimit -v \"$1\" && shift && exec \"$@\"", "sh"])
+        .arg(kibibytes.to_string())
+        .arg(linpred_path())
+        .args(arguments)
+        .output()
+        .expect("linpred runs");
+    Ran { output }
+}
+
 /// A finished run.
 #[derive(Debug)]
 pub struct Ran {

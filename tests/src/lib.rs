@@ -2,6 +2,7 @@
 
 pub mod cells;
 pub mod command;
+pub mod definition;
 pub mod frames;
 pub mod images;
 pub mod oracle;

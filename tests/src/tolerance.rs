@@ -77,6 +77,24 @@ pub const AFFINE_FRAME: f64 = 3e-6;
 /// The same with the default prior, which pulls gradients to 0 with the strength of 0.02 of a window's up to 361 pixels. Seen: 1.0e-3.
 pub const SHRUNK_AFFINE_FRAME: f64 = 3e-3;
 
+/// Predictions of one model of a tile against its formulas in f64, relative to the window's largest radiance: the bar of the stability study.
+pub const MODEL_PREDICTION: f64 = 1e-4;
+
+/// The same of the papers' formulas, whose f32 recursion also predicts missing pixels, which it was not fitted to. Seen: 2e-4.
+pub const LITERAL_PREDICTION: f64 = 1e-3;
+
+/// Risk of the radius that was chosen above the least, relative: radii whose risks are within rounding of each other are alike.
+pub const MODEL_RISK: f64 = 1e-3;
+
+/// Weights and errors of one model's predictions, relative: squares of predictions' distances to their pixels, in units of the variance.
+pub const MODEL_WEIGHT: f64 = 1e-2;
+
+/// A resolved pixel against its mean in f64, relative to the largest value: forty sums.
+pub const RESOLVED: f64 = 1e-5;
+
+/// Predictions of a cell all of whose valid pixels have one radiance, relative to that: rounding.
+pub const CONSTANT_CELL: f64 = 1e-5;
+
 /// Mean of the estimated error over a frame, over the mean squared error: it is to err to the safe side, because it averages the errors of
 /// models whose mean is better than each. Seen: 1.1 to 2.5 for noise of a tenth of the radiance, 1.4 to 3.4 for a third, 2.0 to
 /// 5.9 for as much as the radiance.

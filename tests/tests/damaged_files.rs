@@ -1,9 +1,16 @@
-//! Damaged and unusual files of the OpenEXR project end in a picture or in a clear error.
+//! Damaged and unusual files of the OpenEXR project end in a picture or in a clear error, within 512 MiB.
 
+use std::ffi::OsStr;
 use std::io::Write as _;
 use std::path::Path;
 
 use linpred_tests::command::linpred;
+#[cfg(target_os = "linux")]
+use linpred_tests::command::linpred_within;
+
+/// What a file may have of memory, whatever it claims to hold.
+#[cfg(target_os = "linux")]
+const MEMORY: u64 = 512 << 20;
 
 /// The corpus lies beside the repository, where it is there at all; it is not ours to copy.
 const CORPUS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/exr-corpus");
@@ -25,7 +32,11 @@ fn every_file_of_the_corpus_ends_in_a_picture_or_in_a_sentence() {
     for kind in ["damaged", "unusual"] {
         for entry in std::fs::read_dir(Path::new(CORPUS).join(kind)).unwrap() {
             let path = entry.unwrap().path();
-            let ran = linpred([Path::new("denoise"), &path, Path::new("-o"), &output]);
+            let arguments = [Path::new("denoise"), &path, Path::new("-o"), &output]
+                .map(Path::as_os_str)
+                .into_iter()
+                .chain(["--threads", "2"].map(OsStr::new));
+            let ran = linpred(arguments.clone());
             let stderr = ran.stderr();
             let name = path.file_name().unwrap().to_string_lossy().into_owned();
             assert!(!stderr.contains("panicked"), "{name}: {stderr}");
@@ -38,6 +49,19 @@ fn every_file_of_the_corpus_ends_in_a_picture_or_in_a_sentence() {
                 assert!(
                     stderr.contains("ERROR") && !output.exists(),
                     "{name}: {stderr}"
+                );
+            }
+            #[cfg(target_os = "linux")]
+            {
+                // What ends alike with no more address space than that had no more memory in use without the limit either.
+                let bytes = std::fs::read(&output).ok();
+                let _ = std::fs::remove_file(&output);
+                let bounded = linpred_within(MEMORY >> 10, arguments);
+                assert_eq!(
+                    (bounded.code(), std::fs::read(&output).ok()),
+                    (code, bytes),
+                    "{name}: {}",
+                    bounded.stderr()
                 );
             }
             let _ = std::fs::remove_file(&output);

@@ -4,22 +4,10 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
 
 use exr::prelude::{Blocks, Compression, Encoding, LineOrder};
-use linpred_tests::command::linpred_path;
+use linpred_tests::command::linpred_within;
 use linpred_tests::images::{TestPart, everything, part, write};
-
-/// Runs the command with so many KiB of address space.
-fn within(kibibytes: u64, arguments: &[&str]) -> Output {
-    Command::new("sh")
-        .args(["-c", "ulimit -v \"$1\" && shift && exec \"$@\"", "sh"])
-        .arg(kibibytes.to_string())
-        .arg(linpred_path())
-        .args(arguments)
-        .output()
-        .unwrap()
-}
 
 #[test]
 fn whatever_the_limit_the_run_ends_in_a_sentence_or_in_the_same_file() {
@@ -38,19 +26,19 @@ fn whatever_the_limit_the_run_ends_in_a_sentence_or_in_the_same_file() {
     let (input, output, ample) = (path("in.exr"), path("out.exr"), path("ample.exr"));
     let denoise = |limit, output: &str| {
         let options = ["--quality", "fast", "--threads", "3"];
-        within(
+        linpred_within(
             limit,
-            &[&["denoise", &input, "-o", output], &options[..]].concat(),
+            [&["denoise", &input, "-o", output], &options[..]].concat(),
         )
     };
-    assert!(denoise(4 << 20, &ample).status.success());
+    assert!(denoise(4 << 20, &ample).code() == Some(0));
     // from 16 MiB, with which the process can start and look at its input
     let limits = std::iter::successors(Some(16 << 10), |limit| Some(limit * 11 / 10));
     let (mut refused, mut done) = (0, 0);
     for limit in limits.take_while(|limit| *limit < 1 << 19) {
         let ran = denoise(limit, &output);
-        let stderr = String::from_utf8_lossy(&ran.stderr);
-        match ran.status.code() {
+        let stderr = ran.stderr();
+        match ran.code() {
             Some(0) => {
                 assert_eq!(fs::read(&output).unwrap(), fs::read(&ample).unwrap());
                 fs::remove_file(&output).unwrap();

@@ -1,0 +1,388 @@
+//! One model of a tile from its formulas, in f64 and from scratch for every radius: nothing shared, nothing recursive.
+
+use linpred_core::{Formulas, LayerTile, Params, TILE};
+use nalgebra::DMatrix;
+
+use crate::cells::{FEATURES, Tile};
+use crate::oracle::{BatchFit, Prior, Row};
+use crate::windows::{pixels_within, ring_order};
+
+/// A pixel of the window, in the window's unit of radiance.
+#[derive(Clone, Debug)]
+struct Sample {
+    /// In the tile.
+    position: usize,
+    y: [f64; 3],
+    weight: f64,
+    variance: f64,
+    tolerance: f64,
+}
+
+impl Sample {
+    fn valid(&self) -> bool {
+        self.weight > 0.0
+    }
+}
+
+/// The window of one centre.
+#[derive(Clone, Debug)]
+pub struct Window {
+    samples: Vec<Sample>,
+    /// Regressors of every pixel, 1 first.
+    z: Vec<Vec<f64>>,
+    per_radiance: f64,
+    params: Params,
+    /// Directions kept.
+    pub rank: usize,
+    /// How far the singular value nearest to the threshold is from it, as a factor above 1.
+    pub clearance: f64,
+    /// Whether a direction that the features do move along was dropped.
+    pub truncated: bool,
+}
+
+/// A fit of some radius.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// Half-width of its window.
+    pub radius: usize,
+    /// Its mean squared error as it is estimated.
+    pub risk: f64,
+    beta: [Vec<f64>; 3],
+    terms: usize,
+}
+
+impl Model {
+    /// Whether it has the terms of all kept directions.
+    pub fn is_of_full_rank(&self) -> bool {
+        self.terms == self.beta[0].len()
+    }
+}
+
+/// What a model says of a pixel.
+#[derive(Clone, Copy, Debug)]
+pub struct Prediction {
+    /// Of the pixel in the tile.
+    pub position: usize,
+    /// Radiance.
+    pub colour: [f64; 3],
+    /// Its weight among others.
+    pub weight: f64,
+    /// Its squared error as it is estimated, mean over the channels.
+    pub error: f64,
+}
+
+impl Window {
+    /// The window around a position of the tile. It has a valid pixel.
+    pub fn new(tile: &Tile, centre: usize, params: Params) -> Self {
+        let positions: Vec<usize> = ring_order()
+            .iter()
+            .map(|(x, y)| (centre as i32 + y * TILE as i32 + x) as usize)
+            .collect();
+        let weights = positions.iter().map(|&i| tile.pixels[i].weight);
+        let heaviest = f64::from(weights.fold(0.0, f32::max));
+        let samples: Vec<Sample> = positions
+            .iter()
+            .map(|&position| {
+                let pixel = &tile.pixels[position];
+                Sample {
+                    position,
+                    y: pixel.colour.map(|v| f64::from(v) * heaviest.sqrt()),
+                    weight: f64::from(pixel.weight) / heaviest,
+                    variance: f64::from(pixel.variance) * heaviest,
+                    tolerance: f64::from(pixel.tolerance) * heaviest,
+                }
+            })
+            .collect();
+        let mut window = Self {
+            samples,
+            z: Vec::new(),
+            per_radiance: heaviest.sqrt(),
+            params,
+            rank: 0,
+            clearance: 0.0,
+            truncated: false,
+        };
+        window.find_features(tile);
+        window
+    }
+
+    fn valid(&self) -> Vec<usize> {
+        (0..self.samples.len())
+            .filter(|&i| self.samples[i].valid())
+            .collect()
+    }
+
+    /// Local features: range, mean and truncated SVD (WLR section 4 and 7).
+    fn find_features(&mut self, tile: &Tile) {
+        let valid = self.valid();
+        let feature = |i: usize, j: usize| {
+            let position = self.samples[i].position;
+            f64::from(tile.pixels[position].features[j])
+        };
+        let mut mapped = DMatrix::zeros(self.samples.len(), FEATURES);
+        let mut noise = 0.0;
+        for j in 0..FEATURES {
+            let of_valid = || valid.iter().map(|&i| feature(i, j));
+            let (low, high) = (
+                of_valid().fold(f64::MAX, f64::min),
+                of_valid().fold(f64::MIN, f64::max),
+            );
+            if high - low <= 1e-5 * (high.abs() + low.abs()) {
+                continue;
+            }
+            let scale = 2.0 / (high - low);
+            let inside = |i| feature(i, j).clamp(low, high);
+            for i in 0..self.samples.len() {
+                mapped[(i, j)] = (inside(i) - inside(0)) * scale;
+            }
+            for &i in &valid {
+                let variance = tile.feature_variance[self.samples[i].position][j];
+                noise += f64::from(variance) * scale * scale;
+            }
+        }
+        let mut centred = mapped.select_rows(&valid);
+        for mut column in centred.column_iter_mut() {
+            let mean = column.mean();
+            column.add_scalar_mut(-mean);
+        }
+        let gramian = (centred.transpose() * centred).symmetric_eigen();
+        let largest = gramian.eigenvalues.max();
+        let truncation = f64::from(self.params.truncation);
+        let threshold = (truncation * truncation * noise).max(1e-8 * largest);
+        let mut order: Vec<usize> = (0..FEATURES).collect();
+        order.sort_by(|&a, &b| gramian.eigenvalues[b].total_cmp(&gramian.eigenvalues[a]));
+        order.retain(|&m| gramian.eigenvalues[m] > threshold);
+        self.rank = order.len();
+        let distances = gramian.eigenvalues.iter().map(|v| {
+            let ratio = v.max(1e-12 * largest) / threshold;
+            ratio.max(1.0 / ratio)
+        });
+        self.clearance = distances.fold(f64::INFINITY, f64::min);
+        let moving = gramian.eigenvalues.iter().filter(|v| **v > 1e-8 * largest);
+        self.truncated = moving.count() > self.rank;
+        let local = mapped * gramian.eigenvectors.select_columns(&order);
+        self.z = local
+            .row_iter()
+            .map(|row| std::iter::once(1.0).chain(row.iter().copied()).collect())
+            .collect();
+    }
+
+    /// The largest radiance of the valid pixels.
+    pub fn largest_radiance(&self) -> f64 {
+        let all = self.valid().into_iter().flat_map(|i| self.samples[i].y);
+        all.fold(0.0, |a: f64, b| a.max(b.abs())) / self.per_radiance
+    }
+
+    fn rows(&self, pixels: std::ops::Range<usize>, y: &[[f64; 3]]) -> Vec<Row> {
+        let pixels = pixels.filter(|&i| self.samples[i].valid());
+        pixels
+            .map(|i| Row {
+                z: self.z[i].clone(),
+                y: y[i],
+                weight: match self.params.formulas {
+                    Formulas::Robust => self.samples[i].weight,
+                    Formulas::Literal => 1.0,
+                },
+            })
+            .collect()
+    }
+
+    /// The prior of a fit to these rows: the centre and no gradients (LPR Eq. 3), in pixels of average weight.
+    fn prior(&self, rows: &[Row], centre: [f64; 3]) -> Prior {
+        let mean_weight = rows.iter().map(|row| row.weight).sum::<f64>() / rows.len() as f64;
+        let mut delta = vec![f64::from(self.params.gradient_strength); self.rank + 1];
+        delta[0] = f64::from(self.params.intercept_strength);
+        if self.params.formulas == Formulas::Robust {
+            delta.iter_mut().for_each(|d| *d *= mean_weight);
+            if !self.samples[0].valid() {
+                delta[0] = 0.0;
+            }
+        }
+        let initial = centre.map(|y| {
+            let mut initial = vec![0.0; self.rank + 1];
+            initial[0] = y;
+            initial
+        });
+        Prior { initial, delta }
+    }
+
+    fn own(&self) -> Vec<[f64; 3]> {
+        self.samples.iter().map(|sample| sample.y).collect()
+    }
+
+    fn batch(&self, radius: usize, y: &[[f64; 3]]) -> (Vec<Row>, BatchFit) {
+        let rows = self.rows(0..pixels_within(radius), y);
+        let prior = self.prior(&rows, y[0]);
+        let fit = BatchFit::new(&rows, &prior);
+        (rows, fit)
+    }
+
+    /// The models of all radii, 0 first. A radius without a valid pixel has none.
+    pub fn models(&self) -> Vec<Model> {
+        let mut models = vec![self.centre()];
+        let mut accumulated = 0.0;
+        for radius in 1..=9 {
+            if self.rows(0..pixels_within(radius), &self.own()).is_empty() {
+                continue;
+            }
+            let (rows, fit) = self.batch(radius, &self.own());
+            let risk = match self.params.formulas {
+                Formulas::Robust => self.robust_risk(radius, &rows, &fit, &mut accumulated),
+                Formulas::Literal => self.literal_risk(radius, &rows, &mut accumulated),
+            };
+            models.push(Model {
+                radius,
+                risk,
+                beta: fit.beta.map(|beta| beta.iter().copied().collect()),
+                terms: self.rank + 1,
+            });
+        }
+        models
+    }
+
+    /// The pixel itself (LPR section 4.2).
+    fn centre(&self) -> Model {
+        let centre = &self.samples[0];
+        Model {
+            radius: 0,
+            risk: if centre.valid() {
+                centre.variance
+            } else {
+                f64::INFINITY
+            },
+            beta: centre.y.map(|y| {
+                let mut beta = vec![0.0; self.rank + 1];
+                beta[0] = y;
+                beta
+            }),
+            terms: match self.params.formulas {
+                Formulas::Robust => 1,
+                Formulas::Literal => self.rank + 1,
+            },
+        }
+    }
+
+    /// Stein's unbiased risk up to r = 2; from there on, the ring's error without its noise by the fit before it.
+    fn robust_risk(&self, radius: usize, rows: &[Row], fit: &BatchFit, risk: &mut f64) -> f64 {
+        let inside = (0..pixels_within(radius)).filter(|&i| self.samples[i].valid());
+        let (mut weights, mut noise, mut squares, mut freedom) = (0.0, 0.0, 0.0, 0.0);
+        for (i, row) in inside.zip(rows) {
+            weights += row.weight;
+            noise += row.weight * self.samples[i].variance;
+            squares += row.weight * distance(&fit.predict(&row.z), &row.y);
+            freedom += row.weight * fit.leverage(&row.z);
+        }
+        let mean_noise = noise / rows.len() as f64;
+        if radius < 3 {
+            let stein = squares - noise + 2.0 * mean_noise * freedom;
+            *risk = stein.max(0.3 * mean_noise * freedom);
+        } else {
+            let (_, before) = self.batch(radius - 1, &self.own());
+            let ring = pixels_within(radius - 1)..pixels_within(radius);
+            for i in ring.filter(|&i| self.samples[i].valid()) {
+                let sample = &self.samples[i];
+                let error = distance(&before.predict(&self.z[i]), &sample.y);
+                *risk += sample.weight * (error - sample.variance);
+            }
+        }
+        risk.max(0.3 * mean_noise * (self.rank + 1) as f64) / weights
+    }
+
+    /// Leave-one-out at r = 1, by as many refits (LPR Eq. 7); then each ring's error by the fit before it (Eq. 5).
+    fn literal_risk(&self, radius: usize, rows: &[Row], risk: &mut f64) -> f64 {
+        if radius == 1 {
+            for left_out in 0..rows.len() {
+                let mut others = rows.to_vec();
+                let row = others.remove(left_out);
+                let fit = BatchFit::new(&others, &self.prior(rows, self.samples[0].y));
+                *risk += distance(&fit.predict(&row.z), &row.y);
+            }
+        } else {
+            let (_, before) = self.batch(radius - 1, &self.own());
+            for row in self.rows(
+                pixels_within(radius - 1)..pixels_within(radius),
+                &self.own(),
+            ) {
+                *risk += distance(&before.predict(&row.z), &row.y);
+            }
+        }
+        *risk / pixels_within(radius) as f64
+    }
+
+    /// What a model predicts, and how much that weighs.
+    pub fn predictions(&self, model: &Model) -> Vec<Prediction> {
+        let pixels = pixels_within(model.radius);
+        let predicted: Vec<[f64; 3]> = self.z[..pixels]
+            .iter()
+            .map(|z| evaluate(&model.beta, z))
+            .collect();
+        let unit = self.per_radiance;
+        let own_variance = (model.terms as f64 / pixels as f64).min(1.0);
+        (0..pixels)
+            .map(|i| {
+                let sample = &self.samples[i];
+                let bias = self.bias_around(i, &predicted);
+                let agreement = if sample.valid() {
+                    let squared = distance(&predicted[i], &sample.y);
+                    1.0 / (1.0 + squared / (2.25 * sample.tolerance + f64::from(f32::MIN_POSITIVE)))
+                } else {
+                    1.0
+                };
+                Prediction {
+                    position: sample.position,
+                    colour: predicted[i].map(|v| v / unit),
+                    weight: match self.params.formulas {
+                        Formulas::Robust => agreement * (bias + 0.5).powf(-1.5),
+                        Formulas::Literal => 1.0,
+                    },
+                    error: (bias + own_variance) * sample.variance / (unit * unit) / 3.0,
+                }
+            })
+            .collect()
+    }
+
+    /// Mean over the valid 3 x 3 of squared error in units of variance, less 1.
+    fn bias_around(&self, i: usize, predicted: &[[f64; 3]]) -> f64 {
+        let offsets = ring_order();
+        let near = (0..predicted.len()).filter(|&k| {
+            let ((ax, ay), (bx, by)) = (offsets[i], offsets[k]);
+            self.samples[k].valid() && (ax - bx).abs() <= 1 && (ay - by).abs() <= 1
+        });
+        let (mut sum, mut count) = (0.0, 0.0);
+        for k in near {
+            let sample = &self.samples[k];
+            let squared = distance(&predicted[k], &sample.y) * sample.weight;
+            sum += squared / (sample.variance * sample.weight + 1e-6);
+            count += 1.0;
+        }
+        if count > 0.0 {
+            (sum / count - 1.0).max(0.0)
+        } else {
+            0.0
+        }
+    }
+
+    /// A layer as it follows the model: the same fit to its own radiance.
+    pub fn follow(&self, model: &Model, layer: &LayerTile) -> Vec<[f64; 3]> {
+        let y: Vec<[f64; 3]> = self
+            .samples
+            .iter()
+            .map(|sample| layer.colour[sample.position].map(f64::from))
+            .collect();
+        let pixels = pixels_within(model.radius);
+        if model.radius == 0 {
+            return vec![y[0]];
+        }
+        let (_, fit) = self.batch(model.radius, &y);
+        self.z[..pixels].iter().map(|z| fit.predict(z)).collect()
+    }
+}
+
+fn evaluate(beta: &[Vec<f64>; 3], z: &[f64]) -> [f64; 3] {
+    beta.each_ref()
+        .map(|beta| beta.iter().zip(z).map(|(b, z)| b * z).sum())
+}
+
+fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum()
+}

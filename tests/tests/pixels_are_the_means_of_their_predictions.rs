@@ -1,0 +1,123 @@
+//! A resolved pixel is the weighted mean of its predictions and of its own radiance.
+
+use linpred_core::{Formulas, Pixel, PixelState, Sum, resolve, resolve_layer};
+use linpred_tests::tolerance::{RESOLVED, close};
+use proptest::prelude::{Strategy, any, prop_assert, prop_assert_eq, proptest};
+use proptest::sample::select;
+
+/// One model's prediction.
+#[derive(Clone, Copy, Debug)]
+struct Prediction {
+    colour: [f32; 3],
+    layer: f32,
+    weight: f32,
+    error: f32,
+    radius: u8,
+    rank: u8,
+}
+
+impl Prediction {
+    fn sum(&self) -> Sum {
+        Sum {
+            colour: self.colour.map(|v| v * self.weight),
+            weight: self.weight,
+            error: self.error * self.weight,
+            radius: f32::from(self.radius) * self.weight,
+            rank: f32::from(self.rank) * self.weight,
+        }
+    }
+}
+
+fn predictions() -> impl Strategy<Value = Vec<Prediction>> {
+    let one = (
+        proptest::array::uniform3(-1.0f32..9.0),
+        -1.0f32..9.0,
+        (1e-6f32..3.0, 0.0f32..2.0),
+        (0u8..=9, 0u8..=9),
+    );
+    let one = one.prop_map(
+        |(colour, layer, (weight, error), (radius, rank))| Prediction {
+            colour,
+            layer,
+            weight,
+            error,
+            radius,
+            rank,
+        },
+    );
+    proptest::collection::vec(one, 0..40)
+}
+
+fn pixels() -> impl Strategy<Value = Pixel<0>> {
+    use PixelState::{Bad, Clean, Noisy, Outside};
+    let state = select(vec![Noisy, Noisy, Noisy, Bad, Clean, Outside]);
+    let values = (proptest::array::uniform3(0.0f32..9.0), 0.0f32..5.0);
+    (state, values).prop_map(|(state, (colour, variance))| Pixel {
+        colour: if state == Bad { [0.0; 3] } else { colour },
+        variance: if state == Clean { 0.0 } else { variance },
+        weight: 1.0,
+        state,
+        ..Pixel::OUTSIDE
+    })
+}
+
+/// What the pixel's own radiance weighs beside predictions of `others`.
+fn own_weight(state: PixelState, formulas: Formulas, others: f64) -> f64 {
+    match (state, formulas) {
+        (PixelState::Outside | PixelState::Bad, _) => 0.0,
+        (PixelState::Clean, _) => f64::INFINITY,
+        // A tenth of a prediction that is as far off as the noise: (1 + 0.5)^-1.5.
+        (PixelState::Noisy, Formulas::Robust) => 0.1 * 1.5f64.powf(-1.5),
+        (PixelState::Noisy, Formulas::Literal) if others > 0.0 => 0.0,
+        (PixelState::Noisy, Formulas::Literal) => 1.0,
+    }
+}
+
+proptest! {
+    #[test]
+    fn with_their_weights(
+        pixel in pixels(), predictions in predictions(), own_layer in -1.0f32..9.0, literal in any::<bool>(),
+    ) {
+        let formulas = if literal { Formulas::Literal } else { Formulas::Robust };
+        let (mut sum, mut layer) = (Sum::NONE, 0.0);
+        for prediction in &predictions {
+            sum.add(&prediction.sum());
+            layer += prediction.layer * prediction.weight;
+        }
+        let ours = resolve(&pixel, &sum, formulas);
+        let ours_layer = resolve_layer(&pixel, &sum, formulas, layer, own_layer);
+
+        let weights = || predictions.iter().map(|p| f64::from(p.weight));
+        let others: f64 = weights().sum();
+        let own = own_weight(pixel.state, formulas, others);
+        let mean = |values: Vec<f64>, own_value: f64| {
+            let sum: f64 = values.iter().zip(weights()).map(|(v, w)| v * w).sum();
+            if own.is_infinite() {
+                own_value
+            } else if others + own > 0.0 {
+                (sum + own * own_value) / (others + own)
+            } else {
+                0.0
+            }
+        };
+        let of = |value: fn(&Prediction) -> f32| predictions.iter().map(|p| f64::from(value(p))).collect::<Vec<f64>>();
+        let exact = [
+            mean(of(|p| p.colour[0]), f64::from(pixel.colour[0])),
+            mean(of(|p| p.colour[1]), f64::from(pixel.colour[1])),
+            mean(of(|p| p.colour[2]), f64::from(pixel.colour[2])),
+            // Summed over the channels in the pixel, a mean over them in what comes out.
+            mean(of(|p| p.error), f64::from(pixel.variance) / 3.0),
+            mean(of(|p| f32::from(p.radius)), 0.0),
+            mean(of(|p| f32::from(p.rank)), 0.0),
+            mean(of(|p| p.layer), f64::from(own_layer)),
+        ];
+        let [red, green, blue] = ours.colour;
+        let ours = [red, green, blue, ours.error, ours.radius, ours.rank, ours_layer];
+        for (ours, exact) in ours.into_iter().zip(exact) {
+            prop_assert!(close(f64::from(ours), exact, RESOLVED * 9.0), "{ours} against {exact}");
+        }
+        if pixel.state == PixelState::Clean {
+            prop_assert_eq!([red, green, blue, ours_layer].map(f32::to_bits), [pixel.colour[0], pixel.colour[1], pixel.colour[2], own_layer].map(f32::to_bits));
+        }
+    }
+}
