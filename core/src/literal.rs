@@ -56,6 +56,10 @@ impl<'a, const D: usize, const L: usize> LiteralWindow<'a, D, L> {
             if radius == 1 {
                 accumulated = self.leave_one_out(&rls);
             }
+            if self.pixels::<T>(0, outer).next().is_none() {
+                // Nothing has been tested yet: a sum over no pixels is no estimate.
+                continue;
+            }
             let risk = accumulated / outer as f32;
             if models
                 .risk

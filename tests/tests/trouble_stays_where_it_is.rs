@@ -219,3 +219,41 @@ fn images_of_one_row_or_column_come_out_no_worse() {
         assert!(ours <= noisy, "{width} x {height}: {ours} of {noisy}");
     }
 }
+
+/// An early version of the test for cells without noise looked at variances alone, and left such a pixel black.
+#[test]
+fn a_pixel_that_is_not_a_number_is_repaired_where_nothing_else_is_noisy() {
+    let scene = Scene {
+        noise: 0.0,
+        ..Scene::new(66, 49)
+    };
+    let mut frame = scene.render();
+    let (x, y) = (30, 24);
+    frame.rows[y].colour[1][x] = f32::NAN;
+    let output = balanced(&frame);
+    assert_eq!(output.report.repaired, 1);
+    let repaired = error(&frame, &output, |i, j| (i, j) == (x, y));
+    let truth = frame.truth[y * frame.width() + x];
+    assert!(repaired < 0.2 * truth[1], "{repaired} of {truth:?}");
+}
+
+#[test]
+fn a_feature_that_is_nothing_but_noise_adds_no_direction() {
+    let mean_rank = |noise: f32| {
+        let mut frame = Scene::new(57, 57).render();
+        for (y, row) in frame.rows.iter_mut().enumerate() {
+            for k in 3..6 {
+                for x in 0..57 {
+                    let unit = linpred_tests::images::noise(k as u32, y * 57 + x);
+                    row.features[k][x] = 0.5 + noise * unit;
+                    row.feature_variances[k][x] = noise * noise / 12.0;
+                }
+            }
+        }
+        let output = balanced(&frame);
+        let ranks = output.rows.iter().flat_map(|row| &row.rank);
+        ranks.sum::<f32>() / (57.0 * 57.0)
+    };
+    let (constant, noisy) = (mean_rank(0.0), mean_rank(0.4));
+    assert!(noisy < constant + 1.0, "{noisy} against {constant}");
+}

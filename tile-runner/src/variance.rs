@@ -117,7 +117,7 @@ pub fn to_variance_of_mean(meaning: Meaning, values: &mut [f32], mean: &[f32], c
         Meaning::OfMean => values.iter_mut().for_each(|v| *v = not_negative(*v)),
         Meaning::OfSample => {
             for (value, &count) in values.iter_mut().zip(count) {
-                *value = if count >= 1.0 {
+                *value = if count >= 2.0 {
                     not_negative(*value) / count
                 } else {
                     f32::INFINITY
@@ -196,9 +196,15 @@ mod tests {
 
     #[test]
     fn sample_variance_is_divided_by_the_samples() {
-        let mut row = [8.0, -1.0, 2.0];
-        to_variance_of_mean(Meaning::OfSample, &mut row, &[0.0; 3], &[4.0, 4.0, 0.0]);
-        assert_eq!(row, [2.0, 0.0, f32::INFINITY]);
+        let mut row = [8.0, -1.0, 2.0, 0.0];
+        to_variance_of_mean(
+            Meaning::OfSample,
+            &mut row,
+            &[0.0; 4],
+            &[4.0, 4.0, 0.0, 1.0],
+        );
+        // One sample says nothing of its noise, whatever number stands there.
+        assert_eq!(row, [2.0, 0.0, f32::INFINITY, f32::INFINITY]);
     }
 
     #[test]
