@@ -9,7 +9,7 @@ set -eu
 cd "$(dirname "$0")"
 baseline=kernels.baseline
 if ! command -v valgrind >/dev/null; then
-    echo "regress.sh: valgrind is not installed: no instruction was counted"
+    echo "regress.sh: NOT TESTED, valgrind is not installed: no instruction was counted"
     exit 0
 fi
 cargo build --quiet --release -p linpred-bench --bin kernels
@@ -33,7 +33,12 @@ if [ "${1:-}" = --bless ]; then
     exit 0
 fi
 echo "baseline: $(head -n 1 "$baseline")"
-echo "now:      # $(rustc --version)"
+echo "now:      # $(rustc --version), $(rustc -vV | sed -n 's/^host: //p')"
+if [ "$(head -n 1 "$baseline")" != "# $(rustc --version), $(rustc -vV | sed -n 's/^host: //p')" ]; then
+    cat "$counts"
+    echo "regress.sh: NOT TESTED, the baseline is another compiler's"
+    exit 0
+fi
 awk '
     FNR == NR { if ($1 != "#") expected[$1] = $2; next }
     {
