@@ -6,7 +6,7 @@ use crate::feature_space::{Basis, find_basis};
 use crate::fit::{Models, fit, project_all};
 use crate::literal::{LiteralWindow, set_lane};
 use crate::params::{Formulas, Params};
-use crate::tile::{CELL, HALO, PixelState, RING_STEPS, TILE, Tile, WINDOW_AREA};
+use crate::tile::{HALO, PixelState, RING_STEPS, TILE, Tile, WINDOW_AREA};
 use crate::walk::Walk;
 use crate::window::Windows;
 
@@ -350,5 +350,3 @@ fn add_layer<const D: usize, const L: usize>(
         }
     }
 }
-
-const _: () = assert!(TILE == CELL + 2 * HALO);

@@ -10,16 +10,11 @@
 )]
 
 use crate::float::saturate;
-use crate::lanes::{add_products, lanes_stay_innermost};
+use crate::lanes::{Aligned, add_products, lanes_stay_innermost};
 use crate::prior::CHANNELS;
 
 /// A pivot below this part of its diagonal element is rounding, not information.
 const PIVOT_NOISE: f64 = 1e-14;
-
-/// Memory that vector loads like.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(C, align(64))]
-pub(crate) struct Aligned<A>(pub(crate) A);
 
 /// Sums over the pixels so far; the first regressor is the intercept.
 #[derive(Clone, Copy, Debug, PartialEq)]

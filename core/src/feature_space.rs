@@ -14,8 +14,7 @@
 )]
 
 use crate::eigen::{Decomposed, decorrelate};
-use crate::equations::Aligned;
-use crate::lanes::{add_products, lanes_stay_innermost};
+use crate::lanes::{Aligned, add_products, lanes_stay_innermost};
 use crate::tile::WINDOW_AREA;
 use crate::window::{Extent, Windows};
 

@@ -14,10 +14,10 @@
     reason = "the loops follow the indices of the formulas"
 )]
 
-use crate::equations::{Aligned, Chunk, Equations, Factor, about};
+use crate::equations::{Chunk, Equations, Factor, about};
 use crate::feature_space::Basis;
 use crate::float::saturate;
-use crate::lanes::lanes_stay_innermost;
+use crate::lanes::{Aligned, lanes_stay_innermost};
 use crate::params::Params;
 use crate::prior::CHANNELS;
 use crate::tile::{RADIUS, WINDOW_AREA, window_pixels};

@@ -1,7 +1,12 @@
-//! How loops whose body works on several lanes are kept what they are.
+//! Loops whose body works on several lanes at once, and what keeps them fast.
 
 use core::ops::{AddAssign, Mul};
 use core::sync::atomic::{Ordering, compiler_fence};
+
+/// Memory that vector loads like.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(64))]
+pub(crate) struct Aligned<A>(pub(crate) A);
 
 /// Ends an iteration of a loop over pixels, terms or features.
 ///
