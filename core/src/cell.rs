@@ -1,11 +1,12 @@
 //! Cells: build models only where earlier ones do not predict yet (LPR section 5.1), several cells side by side.
 
-use crate::blend::{LayerTile, PredictionWindows, Predictions};
+use crate::blend::{LayerTile, Predictions};
 use crate::feature_noise::FeatureNoise;
 use crate::feature_space::{Basis, find_basis};
 use crate::fit::{Models, fit, project_all};
 use crate::literal::{LiteralWindow, set_lane};
 use crate::params::{Formulas, Params};
+use crate::prediction::PredictionWindows;
 use crate::tile::{HALO, PixelState, RING_STEPS, TILE, Tile, WINDOW_AREA};
 use crate::walk::Walk;
 use crate::window::Windows;

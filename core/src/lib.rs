@@ -22,6 +22,7 @@ mod median;
 mod noise;
 mod normal;
 mod params;
+mod prediction;
 mod prefilter;
 mod prepare;
 mod prior;

@@ -1,0 +1,316 @@
+//! The predictions of models, each weighted by how well its model does around the pixel.
+
+#![expect(
+    clippy::needless_range_loop,
+    reason = "the loops follow the indices of the formulas"
+)]
+
+use crate::blend::{LayerTile, Predictions, Sum};
+use crate::fit::{Coefficients, Models, evaluate};
+use crate::float::reciprocal_sqrt;
+use crate::lanes::lanes_stay_innermost;
+use crate::params::Formulas;
+use crate::tile::{RADIUS, RING_STEPS, RINGS, WINDOW_AREA, window_pixels};
+use crate::window::{Sample, Windows};
+
+/// Added to a local error, in units of the pixel's variance, before a weight is made of it: an estimate from nine noisy
+/// pixels knows no better (measured: 0.2 to 1 alike).
+pub(crate) const ERROR_SOFTENING: f32 = 0.5;
+
+/// Squared distance, in units of a pixel's tolerance, at which a prediction that the pixel itself speaks against loses
+/// half its weight (measured: 1.5^2; the one remedy for dark pixels beside bright ones).
+const DISAGREEMENT: f32 = 2.25;
+
+/// Side of a prediction window with a margin of one.
+const SIDE: usize = 2 * RADIUS + 3;
+
+/// Weight of a prediction whose squared error is `error`: between the inverse error, which trusts too many, and its
+/// square, which trusts the luckiest.
+#[inline(always)]
+pub(crate) fn reliability(error: f32) -> f32 {
+    let root = reciprocal_sqrt(error);
+    root * root * root
+}
+
+/// One lane of a colour.
+#[inline(always)]
+fn of_lane<const L: usize>([r, g, b]: &[[f32; L]; 3], l: usize) -> [f32; 3] {
+    match (r.get(l), g.get(l), b.get(l)) {
+        (Some(&r), Some(&g), Some(&b)) => [r, g, b],
+        _ => [0.0; 3],
+    }
+}
+
+/// Position of each pixel of a window in raster order with a margin of one, ring after ring.
+const RASTER: [usize; WINDOW_AREA] = raster();
+
+const fn raster() -> [usize; WINDOW_AREA] {
+    let mut positions = [0; WINDOW_AREA];
+    let mut i = 0;
+    while i < WINDOW_AREA {
+        let (column, row) = RINGS[i];
+        let centre = RADIUS as isize + 1;
+        positions[i] =
+            ((centre + row as isize) * SIDE as isize + centre + column as isize) as usize;
+        i += 1;
+    }
+    positions
+}
+
+/// The predictions of the models of `L` windows, ring after ring, and their weights.
+#[repr(C, align(64))]
+pub(crate) struct PredictionWindows<const L: usize> {
+    /// Radiance, in the end times the weight.
+    colour: [[[f32; L]; 3]; WINDOW_AREA],
+    /// 0 for a prediction that left f32.
+    weight: [[f32; L]; WINDOW_AREA],
+    /// Estimated squared error times the weight.
+    error: [[f32; L]; WINDOW_AREA],
+    /// Squared distance between prediction and pixel over the pixel's variance, raster order with a margin.
+    distance: [[f32; L]; SIDE * SIDE],
+    /// 1 where `distance` has a pixel.
+    known: [[f32; L]; SIDE * SIDE],
+}
+
+impl<const L: usize> PredictionWindows<L> {
+    pub(crate) const EMPTY: Self = Self {
+        colour: [[[0.0; L]; 3]; WINDOW_AREA],
+        weight: [[0.0; L]; WINDOW_AREA],
+        error: [[0.0; L]; WINDOW_AREA],
+        distance: [[0.0; L]; SIDE * SIDE],
+        known: [[0.0; L]; SIDE * SIDE],
+    };
+
+    /// Predicts the models' windows and weighs the predictions.
+    #[inline(always)]
+    pub(crate) fn predict<const T: usize, const D: usize>(
+        &mut self,
+        models: &Models<T, L>,
+        windows: &Windows<D, L>,
+        formulas: Formulas,
+    ) {
+        self.distance = [[0.0; L]; SIDE * SIDE];
+        self.known = [[0.0; L]; SIDE * SIDE];
+        let widest = models.radius.iter().fold(0, |a, b| a.max(*b));
+        let mut radiance = [0.0; L];
+        for l in 0..L {
+            radiance[l] = 1.0 / windows.per_radiance[l];
+        }
+        let pixels = windows.features.iter().zip(&windows.samples);
+        for (i, (features, sample)) in pixels.enumerate().take(window_pixels(widest)) {
+            let mut colour = [[0.0; L]; 3];
+            for c in 0..3 {
+                colour[c] = evaluate(&models.coefficients[c], features);
+            }
+            self.judge(i, &colour, sample, &models.radius);
+            if let Some(predictions) = self.colour.get_mut(i) {
+                for c in 0..3 {
+                    for l in 0..L {
+                        predictions[c][l] = colour[c][l] * radiance[l];
+                    }
+                }
+            }
+            lanes_stay_innermost();
+        }
+        self.weigh(models, windows, formulas, widest);
+    }
+
+    /// Compares a prediction of each model with its pixel.
+    #[inline(always)]
+    fn judge(&mut self, i: usize, colour: &[[f32; L]; 3], sample: &Sample<L>, radius: &[usize; L]) {
+        let (Some(weight), Some(&position)) = (self.weight.get_mut(i), RASTER.get(i)) else {
+            return;
+        };
+        let (Some(distance), Some(known)) = (
+            self.distance.get_mut(position),
+            self.known.get_mut(position),
+        ) else {
+            return;
+        };
+        let mut inside = [0.0; L];
+        for l in 0..L {
+            inside[l] = if i < window_pixels(radius[l]) {
+                1.0
+            } else {
+                0.0
+            };
+        }
+        for l in 0..L {
+            let mut squared = 0.0;
+            for c in 0..3 {
+                let difference = colour[c][l] - sample.colour[c][l];
+                squared += difference * difference;
+            }
+            let squared = if sample.weight[l] > 0.0 { squared } else { 0.0 };
+            let disagreement = squared / (DISAGREEMENT * sample.tolerance[l] + f32::MIN_POSITIVE);
+            let agreement = 1.0 / (1.0 + disagreement);
+            // Relative to a variance of 0 every error is infinite: a millionth of the squared radiance bounds it.
+            let relative =
+                squared * sample.weight[l] / (sample.variance[l] * sample.weight[l] + 1e-6);
+            let known_here = if sample.weight[l] > 0.0 {
+                inside[l]
+            } else {
+                0.0
+            };
+            weight[l] = agreement;
+            distance[l] = if known_here > 0.0 { relative } else { 0.0 };
+            known[l] = known_here;
+        }
+    }
+
+    /// Weights of the predictions by how well the model does around each, and their estimated errors.
+    #[inline(always)]
+    fn weigh<const T: usize, const D: usize>(
+        &mut self,
+        models: &Models<T, L>,
+        windows: &Windows<D, L>,
+        formulas: Formulas,
+        widest: usize,
+    ) {
+        let mut fit_variance = [0.0; L];
+        let mut per_channel = [0.0; L];
+        for l in 0..L {
+            // The fit's own variance is, on average over its window, its terms' share of the noise.
+            let pixels = window_pixels(models.radius[l]) as f32;
+            fit_variance[l] = (models.terms[l] as f32 / pixels).min(1.0);
+            let per_radiance = windows.per_radiance[l];
+            per_channel[l] = 1.0 / (per_radiance * per_radiance) / 3.0;
+        }
+        for (i, sample) in windows
+            .samples
+            .iter()
+            .enumerate()
+            .take(window_pixels(widest))
+        {
+            let bias = self.local_error(i);
+            let (Some(weight), Some(error), Some(colour)) = (
+                self.weight.get_mut(i),
+                self.error.get_mut(i),
+                self.colour.get_mut(i),
+            ) else {
+                return;
+            };
+            for l in 0..L {
+                let own = match formulas {
+                    Formulas::Robust => weight[l] * reliability(bias[l] + ERROR_SOFTENING),
+                    Formulas::Literal => 1.0,
+                };
+                let squared = (bias[l] + fit_variance[l]) * sample.variance[l] * per_channel[l];
+                let (r, g, b) = (colour[0][l] * own, colour[1][l] * own, colour[2][l] * own);
+                let squared = squared * own;
+                // Not a number, too, where two of them are infinite.
+                let kept = (r + g + b + squared).is_finite();
+                weight[l] = if kept { own } else { 0.0 };
+                error[l] = if kept { squared } else { 0.0 };
+                colour[0][l] = if kept { r } else { 0.0 };
+                colour[1][l] = if kept { g } else { 0.0 };
+                colour[2][l] = if kept { b } else { 0.0 };
+            }
+            lanes_stay_innermost();
+        }
+    }
+
+    /// Squared error without the noise, in units of the pixel's variance: the mean over the 3 x 3 pixels around, less 1.
+    #[inline(always)]
+    fn local_error(&self, i: usize) -> [f32; L] {
+        let centre = RASTER.get(i).copied().unwrap_or(0);
+        let (mut sum, mut count) = ([0.0; L], [0.0; L]);
+        for row in 0..3 {
+            let from = (centre + row * SIDE).wrapping_sub(SIDE + 1);
+            for at in from..from + 3 {
+                if let (Some(distance), Some(known)) = (self.distance.get(at), self.known.get(at)) {
+                    for l in 0..L {
+                        sum[l] += distance[l];
+                        count[l] += known[l];
+                    }
+                }
+            }
+        }
+        let mut error = [0.0; L];
+        for l in 0..L {
+            let excess = sum[l] / count[l] - 1.0;
+            // False, too, where there is no pixel to judge by.
+            error[l] = if excess > 0.0 { excess } else { 0.0 };
+        }
+        error
+    }
+
+    /// Adds the predictions of lane `l` to its cell's, around the centre's position in the tile.
+    #[inline(always)]
+    pub(crate) fn add_to<const T: usize>(
+        &self,
+        l: usize,
+        centre: usize,
+        models: &Models<T, L>,
+        predictions: &mut Predictions,
+    ) {
+        let (Some(&radius), Some(&terms)) = (models.radius.get(l), models.terms.get(l)) else {
+            return;
+        };
+        let rank = (terms - 1) as f32;
+        let own = self.colour.iter().zip(&self.weight).zip(&self.error);
+        for (((colour, weight), error), &step) in own.zip(&RING_STEPS).take(window_pixels(radius)) {
+            let (Some(sum), Some(&weight), Some(&error)) = (
+                predictions.sums.get_mut(centre.wrapping_add_signed(step)),
+                weight.get(l),
+                error.get(l),
+            ) else {
+                return;
+            };
+            sum.add(&Sum {
+                colour: of_lane(colour, l),
+                weight,
+                error,
+                radius: radius as f32 * weight,
+                rank: rank * weight,
+            });
+            lanes_stay_innermost();
+        }
+    }
+
+    /// Predicts a layer by its coefficients; [`add_layer_to`](Self::add_layer_to) has the weights of the beauty's.
+    #[inline(always)]
+    pub(crate) fn predict_layer<const T: usize, const D: usize>(
+        &mut self,
+        coefficients: &Coefficients<T, L>,
+        windows: &Windows<D, L>,
+    ) {
+        for (colour, features) in self.colour.iter_mut().zip(&windows.features) {
+            for c in 0..3 {
+                colour[c] = evaluate(&coefficients[c], features);
+            }
+            lanes_stay_innermost();
+        }
+    }
+
+    /// Adds the predictions of lane `l` to its cell's layer.
+    #[inline(always)]
+    pub(crate) fn add_layer_to(
+        &self,
+        l: usize,
+        centre: usize,
+        radius: usize,
+        layer: &mut LayerTile,
+    ) {
+        let own = self.colour.iter().zip(&self.weight).zip(&RING_STEPS);
+        for ((colour, weight), &step) in own.take(window_pixels(radius)) {
+            let (Some(sum), Some(&weight)) = (
+                layer.sums.get_mut(centre.wrapping_add_signed(step)),
+                weight.get(l),
+            ) else {
+                return;
+            };
+            for (sum, value) in sum.iter_mut().zip(of_lane(colour, l)) {
+                let added = value * weight;
+                if added.is_finite() {
+                    *sum += added;
+                }
+            }
+        }
+    }
+
+    /// Where a layer's radiance waits until [`predict_layer`](Self::predict_layer) overwrites it.
+    pub(crate) fn colours(&mut self) -> &mut [[[f32; L]; 3]; WINDOW_AREA] {
+        &mut self.colour
+    }
+}
