@@ -3,7 +3,7 @@
 use crate::blend::{LayerTile, Predictions};
 use crate::feature_noise::FeatureNoise;
 use crate::feature_space::{Basis, find_basis};
-use crate::fit::{Models, fit, project_all};
+use crate::fit::{Coefficients, Models, fit, project_all};
 use crate::literal::{LiteralWindow, set_lane};
 use crate::params::{Formulas, Params};
 use crate::prediction::PredictionWindows;
@@ -246,15 +246,9 @@ fn build_robust<const T: usize, const D: usize, const L: usize>(
     let (models, systems) =
         fit::<T, D, L>(&mut scratch.windows, &scratch.basis, params, layers > 0);
     predict(cells, centres, params, scratch, &models);
-    for layer in 0..layers {
-        read_layer(cells, centres, layer, scratch.predicted.colours());
-        let colours = scratch.predicted.colours();
-        let coefficients = systems.follow(&scratch.windows, &models.radius, colours);
-        scratch
-            .predicted
-            .predict_layer(&coefficients, &scratch.windows);
-        add_layer(cells, centres, layer, &models.radius, scratch);
-    }
+    predict_layers(cells, centres, scratch, &models.radius, |windows, layer| {
+        systems.follow(windows, &models.radius, layer)
+    });
     models.radius
 }
 
@@ -273,21 +267,35 @@ fn build_literal<const T: usize, const D: usize, const L: usize>(
         LiteralWindow::new(&scratch.windows, lane).fit(params, &mut models);
     }
     predict(cells, centres, params, scratch, &models);
+    predict_layers(cells, centres, scratch, &models.radius, |windows, layer| {
+        let mut coefficients = models.coefficients;
+        for (lane, &radius) in models.radius.iter().enumerate() {
+            let own = LiteralWindow::new(windows, lane).follow::<T>(layer, radius, params);
+            set_lane(&mut coefficients, lane, &own);
+        }
+        coefficients
+    });
+    models.radius
+}
+
+/// Predicts each layer by the coefficients that `follow` gives for its radiance in the windows.
+#[inline(always)]
+fn predict_layers<const T: usize, const D: usize, const L: usize>(
+    cells: &mut impl Cells<D>,
+    centres: &[Option<usize>; L],
+    scratch: &mut Scratch<D, L>,
+    radius: &[usize; L],
+    follow: impl Fn(&Windows<D, L>, &[[[f32; L]; 3]; WINDOW_AREA]) -> Coefficients<T, L>,
+) {
     for layer in 0..cells.results(0).1.len() {
         let colours = scratch.predicted.colours();
         read_layer(cells, centres, layer, colours);
-        let mut coefficients = models.coefficients;
-        for (lane, &radius) in models.radius.iter().enumerate() {
-            let window = LiteralWindow::new(&scratch.windows, lane);
-            let own = window.follow::<T>(colours, radius, params);
-            set_lane(&mut coefficients, lane, &own);
-        }
+        let coefficients = follow(&scratch.windows, colours);
         scratch
             .predicted
             .predict_layer(&coefficients, &scratch.windows);
-        add_layer(cells, centres, layer, &models.radius, scratch);
+        add_layer(cells, centres, layer, radius, scratch);
     }
-    models.radius
 }
 
 /// Adds the models' predictions to their cells'.

@@ -45,6 +45,18 @@ pub fn linpred<A: AsRef<OsStr>>(arguments: impl IntoIterator<Item = A>) -> Ran {
     Ran { output }
 }
 
+/// Denoises `in.exr` of `folder` to `output` beside it.
+pub fn denoise(folder: &Path, output: &str, options: &[&str]) -> Ran {
+    let (input, output) = (folder.join("in.exr"), folder.join(output));
+    let files = [
+        OsStr::new("denoise"),
+        input.as_os_str(),
+        OsStr::new("-o"),
+        output.as_os_str(),
+    ];
+    linpred(files.into_iter().chain(options.iter().map(OsStr::new)))
+}
+
 /// Runs `linpred` with these arguments in so many KiB of address space, which bounds the memory that it can have in use.
 #[cfg(target_os = "linux")]
 pub fn linpred_within<A: AsRef<OsStr>>(

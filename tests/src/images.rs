@@ -20,6 +20,15 @@ pub struct TestPart {
     pub attributes: Vec<(&'static str, AttributeValue)>,
 }
 
+/// Compressions that keep every bit.
+pub const LOSSLESS: [Compression; 5] = [
+    Compression::Uncompressed,
+    Compression::RLE,
+    Compression::ZIP1,
+    Compression::ZIP16,
+    Compression::PIZ,
+];
+
 /// A number in 0..1 that looks random and depends on nothing but its arguments.
 pub fn noise(seed: u32, index: usize) -> f32 {
     let mut x = (index as u32).wrapping_mul(0x9E37_79B9) ^ seed.wrapping_mul(0x85EB_CA6B);

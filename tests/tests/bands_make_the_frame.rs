@@ -4,23 +4,11 @@ use std::fs;
 use std::path::Path;
 
 use exr::prelude::*;
-use linpred_tests::command::{Ran, linpred};
+use linpred_tests::command::{Ran, denoise, linpred};
 use linpred_tests::images::{TestPart, bits, channel_names, everything, half, part, read, write};
 
 const SIZE: (usize, usize) = (45, 211);
 const PIXELS: usize = SIZE.0 * SIZE.1;
-
-fn denoise(folder: &Path, output: &str, options: &[&str]) -> Ran {
-    let (input, output) = (folder.join("in.exr"), folder.join(output));
-    let mut arguments = vec![
-        "denoise",
-        input.to_str().unwrap(),
-        "-o",
-        output.to_str().unwrap(),
-    ];
-    arguments.extend(options);
-    linpred(arguments)
-}
 
 fn stitch(folder: &Path, bands: &[&str]) -> Ran {
     let mut arguments = vec!["stitch".to_owned()];

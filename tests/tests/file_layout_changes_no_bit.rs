@@ -6,21 +6,16 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use exr::prelude::{Blocks, Compression, Encoding, LineOrder, Vec2};
+use exr::prelude::{Blocks, Encoding, LineOrder, Vec2};
 use linpred_tests::command::{Ran, linpred};
-use linpred_tests::images::{NamedSamples, TestPart, bits, channel_names, half, part, read, write};
+use linpred_tests::images::{
+    LOSSLESS, NamedSamples, TestPart, bits, channel_names, half, part, read, write,
+};
 use proptest::prelude::*;
 use proptest::sample::select;
 
 const SIZE: (usize, usize) = (70, 60);
 const PIXELS: usize = SIZE.0 * SIZE.1;
-const LOSSLESS: [Compression; 5] = [
-    Compression::Uncompressed,
-    Compression::RLE,
-    Compression::ZIP1,
-    Compression::ZIP16,
-    Compression::PIZ,
-];
 /// Layers of channels by the names that Blender gives them, and their channels.
 const LAYERS: [(&str, &[&str]); 6] = [
     ("VL.Combined", &["R", "G", "B", "A"]),

@@ -5,18 +5,11 @@ use std::path::Path;
 use exr::prelude::*;
 use linpred_tests::command::linpred;
 use linpred_tests::images::{
-    TestPart, bits, channel_names, colour, constant, everything, half, part, read, write,
+    LOSSLESS, TestPart, bits, channel_names, colour, constant, everything, half, part, read, write,
 };
 
 const SIZE: (usize, usize) = (70, 83);
 const PIXELS: usize = SIZE.0 * SIZE.1;
-const LOSSLESS: [Compression; 5] = [
-    Compression::Uncompressed,
-    Compression::RLE,
-    Compression::ZIP1,
-    Compression::ZIP16,
-    Compression::PIZ,
-];
 
 fn layouts() -> [Blocks; 3] {
     [

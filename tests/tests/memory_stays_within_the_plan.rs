@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use exr::prelude::*;
-use linpred_tests::command::linpred;
+use linpred_tests::command::{denoise, linpred};
 use linpred_tests::images::{TestPart, everything, part, write};
 
 /// What `--dry-run` plans, bytes.
@@ -23,19 +23,10 @@ fn planned(folder: &Path, options: &[&str]) -> u64 {
 
 /// Denoises; gives the most memory that was in use, bytes, where the system tells.
 fn peak(folder: &Path, output: &str, options: &[&str]) -> Option<u64> {
-    let (input, output) = (folder.join("in.exr"), folder.join(output));
-    let mut arguments = vec![
-        "denoise",
-        input.to_str().unwrap(),
-        "-o",
-        output.to_str().unwrap(),
-        "--quality",
-        "fast",
-        "--log-format",
-        "json",
-    ];
-    arguments.extend(options);
-    let log = linpred(arguments).succeeds().stderr();
+    let json = ["--quality", "fast", "--log-format", "json"];
+    let log = denoise(folder, output, &[&json[..], options].concat())
+        .succeeds()
+        .stderr();
     let line = log
         .lines()
         .find(|line| line.contains("\"denoised\""))

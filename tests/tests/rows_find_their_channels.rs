@@ -29,6 +29,21 @@ fn open(path: &Path, layers: &[&str]) -> Input {
     .unwrap()
 }
 
+/// A sink for what denoising `input` gives.
+fn sink(input: &Input, output: &Path) -> ExrSink {
+    let plan = input.rewrite(ExtraLayers::default()).unwrap();
+    let stop = Arc::new(AtomicBool::new(false));
+    ExrSink::create(
+        output,
+        input.file().clone(),
+        plan,
+        input.file().codec(),
+        LIMIT,
+        stop,
+    )
+    .unwrap()
+}
+
 /// Every row of a source.
 fn rows(input: &Input) -> Vec<InputRow> {
     let mut source = input.source(LIMIT).unwrap();
@@ -280,17 +295,7 @@ fn a_colour_beyond_half_precision_is_clamped_and_counted() {
         vec![part(["R", "G", "B"].map(|c| half(c, PIXELS, 1)).to_vec())],
     );
     let input = open(&path, &[]);
-    let plan = input.rewrite(ExtraLayers::default()).unwrap();
-    let stop = Arc::new(AtomicBool::new(false));
-    let mut sink = ExrSink::create(
-        &output,
-        input.file().clone(),
-        plan,
-        input.file().codec(),
-        LIMIT,
-        stop,
-    )
-    .unwrap();
+    let mut sink = sink(&input, &output);
     let row = OutputRow {
         colour: [(); 3].map(|()| vec![1e6; SIZE.0]),
         ..OutputRow::default()
@@ -308,17 +313,7 @@ fn an_unfinished_sink_leaves_nothing() {
     let (path, output) = (folder.path().join("in.exr"), folder.path().join("out.exr"));
     write(&path, SIZE, vec![part(colour(PIXELS))]);
     let input = open(&path, &[]);
-    let plan = input.rewrite(ExtraLayers::default()).unwrap();
-    let stop = Arc::new(AtomicBool::new(false));
-    let sink = ExrSink::create(
-        &output,
-        input.file().clone(),
-        plan,
-        input.file().codec(),
-        LIMIT,
-        stop,
-    )
-    .unwrap();
+    let sink = sink(&input, &output);
     assert!(folder.path().join("out.exr.part").exists());
     drop(sink);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
