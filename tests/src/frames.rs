@@ -7,6 +7,7 @@ use linpred::error::Error;
 use linpred::geometry::ImageSize;
 use linpred::pipeline::{Options, Report, denoise};
 use linpred::row::{FEATURES, InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
+use linpred::survey::{Survey, survey};
 use linpred_core::Params;
 use proptest::prelude::{Just, Strategy, any};
 use proptest::sample::select;
@@ -32,7 +33,7 @@ pub struct Frame {
 }
 
 /// What comes out.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Output {
     /// The rows.
     pub rows: Vec<OutputRow>,
@@ -215,6 +216,48 @@ impl Frame {
             rows: sink.rows,
             report,
         }
+    }
+}
+
+impl Frame {
+    /// Makes `columns` of `rows` one colour and one surface without noise, whether variances come with the image or not.
+    pub fn calm(&mut self, columns: Range<usize>, rows: Range<usize>) {
+        for row in &mut self.rows[rows] {
+            let values = row.colour.iter_mut().chain(&mut row.features);
+            // a feature that the image lacks has no columns
+            for plane in values.chain(row.layers.iter_mut().flatten()) {
+                plane
+                    .iter_mut()
+                    .take(columns.end)
+                    .skip(columns.start)
+                    .for_each(|v| *v = 0.5);
+            }
+            for plane in row.variance.iter_mut().chain(&mut row.feature_variances) {
+                plane
+                    .iter_mut()
+                    .take(columns.end)
+                    .skip(columns.start)
+                    .for_each(|v| *v = 0.0);
+            }
+        }
+    }
+
+    /// Surveys it on several threads.
+    pub fn survey_on(&self, threads: usize) -> Survey {
+        let mut source = Asked {
+            frame: self,
+            next: 0,
+        };
+        let threads = NonZeroUsize::new(threads).expect("at least one");
+        let mut rows = 0;
+        let survey = survey(&mut source, threads, &mut |done| {
+            assert!(done > rows);
+            rows = done;
+            ControlFlow::Continue(())
+        })
+        .expect("memory does not fail");
+        assert_eq!((source.next, rows), (self.height(), self.height()));
+        survey
     }
 }
 

@@ -96,7 +96,7 @@ fn pixels_without_variance_among_such_pass_through_to_the_bit() {
                 }
             }
         }
-        assert_eq!(output.report.passed_through, 23 * 25);
+        assert_eq!(output.report.counts.passed_through, 23 * 25);
     }
 }
 

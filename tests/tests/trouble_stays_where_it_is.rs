@@ -46,7 +46,7 @@ fn pixels_that_are_not_numbers_are_repaired_and_counted() {
         bad.dedup();
         let output = balanced(&frame);
         assert!(output.is_finite());
-        assert_eq!(output.report.repaired, bad.len() as u64);
+        assert_eq!(output.report.counts.repaired, bad.len() as u64);
         // As good as their neighbours: they have no noise of their own to deal with.
         let (repaired, before) = (
             error(&frame, &output, |x, y| bad.contains(&(x, y))),
@@ -66,7 +66,7 @@ fn an_image_without_a_number_is_black() {
             row.colour[2].fill(f32::NAN);
         }
         let output = balanced(&frame);
-        assert_eq!(output.report.repaired, (size.0 * size.1) as u64);
+        assert_eq!(output.report.counts.repaired, (size.0 * size.1) as u64);
         assert!(output.colours().as_flattened().iter().all(|v| *v == 0.0));
         assert!(output.is_finite());
     }
@@ -84,7 +84,7 @@ fn a_hole_larger_than_a_tile_is_black_inside_and_harms_nothing_outside() {
     }
     let output = balanced(&frame);
     assert!(output.is_finite());
-    assert_eq!(output.report.repaired, 3600);
+    assert_eq!(output.report.counts.repaired, 3600);
     assert_eq!(output.colours()[50 * 100 + 50], [0.0; 3]);
     let (ours, before) = (
         error(&frame, &output, |x, y| !hole(x, y)),
@@ -105,7 +105,7 @@ fn features_and_variances_that_are_not_numbers_poison_nothing() {
     }
     let output = balanced(&frame);
     assert!(output.is_finite());
-    assert_eq!(output.report.repaired, 0);
+    assert_eq!(output.report.counts.repaired, 0);
     let after = error(&frame, &output, |_, _| true);
     assert!(after < 1.5 * before, "{after} {before}");
     frame.rows.iter_mut().for_each(|row| {
@@ -198,7 +198,7 @@ proptest! {
                 prop_assert!(v.is_finite());
             }
         }
-        prop_assert_eq!(output.report.pixels, (scene.size.0 * scene.size.1) as u64);
+        prop_assert_eq!(output.report.counts.pixels, (scene.size.0 * scene.size.1) as u64);
     }
 }
 
@@ -231,7 +231,7 @@ fn a_pixel_that_is_not_a_number_is_repaired_where_nothing_else_is_noisy() {
     let (x, y) = (30, 24);
     frame.rows[y].colour[1][x] = f32::NAN;
     let output = balanced(&frame);
-    assert_eq!(output.report.repaired, 1);
+    assert_eq!(output.report.counts.repaired, 1);
     let repaired = error(&frame, &output, |i, j| (i, j) == (x, y));
     let truth = frame.truth[y * frame.width() + x];
     assert!(repaired < 0.2 * truth[1], "{repaired} of {truth:?}");

@@ -4,6 +4,7 @@ use std::num::NonZeroUsize;
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use linpred_core::{
     CELL, Cells, Formulas, HALO, LayerTile, Params, Pixel, PixelState, Predictions, Scratch, Sum,
@@ -65,7 +66,12 @@ impl Neighbourhood<'_> {
         (rows, (y + PREPARED_ABOVE) % CELL * self.size.width())
     }
 
-    /// Whether every pixel of a cell passes through, so that it needs no model.
+    /// Whether a cell is worked on, or skipped because no model is needed in it. The papers' formulas know of no such cells.
+    pub(crate) fn needs_models(&self, column: usize, formulas: Formulas) -> bool {
+        formulas == Formulas::Literal || !self.is_clean(column)
+    }
+
+    /// Whether every pixel of a cell passes through.
     fn is_clean(&self, column: usize) -> bool {
         let columns = column * CELL..self.size.width().min((column + 1) * CELL);
         (self.row * CELL..self.size.height().min((self.row + 1) * CELL)).all(|y| {
@@ -213,7 +219,7 @@ impl Cells<TILE_FEATURES> for Share<'_> {
             if column >= self.row.columns {
                 return false;
             }
-            if self.row.formulas == Formulas::Literal || !self.row.around.is_clean(column) {
+            if self.row.around.needs_models(column, self.row.formulas) {
                 break column;
             }
             self.row.skipped.fetch_add(1, Ordering::Relaxed);
@@ -313,6 +319,8 @@ pub(crate) struct Predicted {
     pub(crate) cells: u64,
     /// Cells without noise.
     pub(crate) skipped: u64,
+    /// Of all threads together, in the other cells.
+    pub(crate) time: Duration,
 }
 
 /// Rows that two rows of cells reach.
@@ -383,18 +391,22 @@ impl SumRows {
             skipped: &skipped,
             sums: Mutex::new(&mut self.own),
         };
-        self.benches.par_iter_mut().for_each(|bench| {
+        let times = self.benches.par_iter_mut().map(|bench| {
             let mut share = Share {
                 row: &row,
                 lanes: &mut bench.lanes,
             };
+            let started = Instant::now();
             level.denoise_cells(&mut share, params, &mut bench.scratch);
+            started.elapsed()
         });
+        let time = times.sum();
         self.add_before();
         Predicted {
             models: models.into_inner() as u64,
             cells: columns as u64,
             skipped: skipped.into_inner() as u64,
+            time,
         }
     }
 

@@ -10,6 +10,7 @@ use crate::job::{Input, InputRequest};
 use crate::memory::DEFAULT_LIMIT;
 use crate::rewrite::ExtraLayers;
 use crate::roles::Roles;
+use crate::survey::Survey;
 use crate::variance::Variance;
 
 /// A part in words.
@@ -47,7 +48,7 @@ pub struct RoleInfo {
 }
 
 /// All that `inspect` says.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Inspection {
     /// The file.
     pub path: String,
@@ -65,6 +66,8 @@ pub struct Inspection {
     pub untouched: Vec<String>,
     /// What was left aside, and why.
     pub notes: Vec<String>,
+    /// What the pixels hold, if they were surveyed.
+    pub pixels: Option<Survey>,
     /// Why `denoise` would refuse the file, if it would.
     pub problem: Option<String>,
 }
@@ -72,8 +75,29 @@ pub struct Inspection {
 /// Inspects a file. A file that can be opened but not denoised is no error: the reason comes beside its description, and as
 /// its [`problem`](Inspection::problem).
 pub fn inspect(request: &InputRequest) -> Result<(Inspection, Option<Error>), Error> {
+    inspect_with(request, |_| Ok(None))
+}
+
+/// The same; if the file can be denoised, its pixels are what `survey` finds in them. An error of that is a problem of the file, but for
+/// [`Error::Budget`].
+pub fn inspect_with(
+    request: &InputRequest,
+    survey: impl FnOnce(&Input) -> Result<Option<Survey>, Error>,
+) -> Result<(Inspection, Option<Error>), Error> {
     let (mut inspection, problem) = match Input::open(request) {
-        Ok(input) => (describe(&input), obstacle(&input)),
+        Ok(input) => {
+            let mut inspection = describe(&input);
+            let mut problem = obstacle(&input);
+            if problem.is_none() {
+                match survey(&input) {
+                    Ok(pixels) => inspection.pixels = pixels,
+                    // says nothing of the file
+                    Err(error @ Error::Budget(_)) => return Err(error),
+                    Err(error) => problem = Some(error),
+                }
+            }
+            (inspection, problem)
+        }
         Err(error @ Error::Usage(_)) => return Err(error),
         Err(error) => (bare(&ExrFile::open(&request.path)?), Some(error)),
     };
@@ -136,6 +160,7 @@ pub fn describe(input: &Input) -> Inspection {
             .collect(),
         untouched: untouched(input),
         notes,
+        pixels: None,
         problem: None,
     }
 }
@@ -287,6 +312,9 @@ impl fmt::Display for Inspection {
         }
         for note in &self.notes {
             writeln!(f, "  note: {note}")?;
+        }
+        if let Some(pixels) = &self.pixels {
+            write!(f, "{pixels}")?;
         }
         match &self.problem {
             Some(problem) => writeln!(f, "  cannot be denoised: {problem}"),

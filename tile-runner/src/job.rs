@@ -143,7 +143,7 @@ pub struct JobOptions {
 }
 
 /// What a job did.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default)]
 pub struct Summary {
     /// What the pipeline counted.
     pub report: Report,

@@ -12,17 +12,18 @@
 
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
+use std::time::Duration;
 
-use linpred_core::{CELL, HALO, Params, PixelState, resolve, resolve_layer};
+use linpred_core::{CELL, HALO, Params, resolve, resolve_layer};
+use rayon::ThreadPool;
 
-use crate::blocks::{BLOCK_HALO, PreparedRows};
-use crate::cells::{Neighbourhood, SumRows, prepared_from};
+use crate::cells::SumRows;
 use crate::dispatch::Level;
 use crate::error::Error;
-use crate::geometry::plane_bytes;
-use crate::held_rows::{ColourRow, GuideRow, HeldRows};
 use crate::noise::Missing;
-use crate::row::{InputRow, OutputRow, RowLayout, RowSink, RowSource};
+pub use crate::preparation::Counts;
+use crate::preparation::{LOOK_BELOW, Preparation};
+use crate::row::{OutputRow, RowLayout, RowSink, RowSource};
 
 /// How to run.
 #[derive(Clone, Copy, Debug)]
@@ -34,28 +35,25 @@ pub struct Options {
 }
 
 /// What a run did, and what it could leave.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Report {
-    /// Pixels of the image.
-    pub pixels: u64,
+    /// What was worked on and what was skipped.
+    pub counts: Counts,
     /// Models that were built.
     pub models: u64,
-    /// Pixels of zero variance, passed through as they came.
-    pub passed_through: u64,
-    /// Pixels with a NaN or infinite colour, predicted from their neighbours.
-    pub repaired: u64,
-    /// Cells of 19 x 19 pixels.
-    pub cells: u64,
-    /// Of those, the ones that hold no noise: nothing is fitted in them.
-    pub cells_skipped: u64,
-    /// Blocks of features: a normal, an albedo or a depth each.
-    pub feature_blocks: u64,
-    /// Of those, the ones with no noise in reach: they are not filtered.
-    pub feature_blocks_skipped: u64,
+    /// Time that threads spent on the cells that were not skipped, added up over the threads.
+    pub fitting: Duration,
 }
 
-/// Rows below a row of cells that its pixels depend on, beside those that variances are estimated from.
-const LOOK_BELOW: usize = HALO + BLOCK_HALO;
+impl Report {
+    /// What the skipped cells would have taken of a thread's time, had each taken the mean of the others. `None` where none was skipped, or
+    /// none was fitted that would tell.
+    pub fn saved(&self) -> Option<Duration> {
+        let skipped = self.counts.cells_skipped;
+        let fitted = self.counts.cells - skipped;
+        (skipped > 0 && fitted > 0).then(|| self.fitting.mul_f64(skipped as f64 / fitted as f64))
+    }
+}
 
 /// Rows above or below a pixel that it can depend on, for an image whose rows hold `layout`: it lies in the halo of a cell, the
 /// cell's windows reach as far again, and what they read was prepared from a halo of its own.
@@ -66,34 +64,32 @@ pub fn reach(layout: &RowLayout) -> usize {
 
 /// Bytes that denoising an image takes at most, beside the source and the sink.
 pub fn bytes(layout: &RowLayout, threads: NonZeroUsize) -> u64 {
-    let missing = Missing::of(layout);
-    let below = 2 * CELL + missing.halo();
-    let colours = plane_bytes(layout.size, HALO + below, ColourRow::planes(layout));
-    let guides = plane_bytes(layout.size, GUIDES_ABOVE + below, GuideRow::planes(layout));
     let threads = threads.get() as u64;
-    let working = missing
-        .working_bytes(threads)
-        .max(PreparedRows::working_bytes(threads));
     [
-        colours,
-        guides,
-        PreparedRows::bytes(layout).saturating_mul(2),
+        Preparation::bytes(layout, threads),
         SumRows::bytes(layout, threads),
-        InputRow::bytes(layout),
         OutputRow::bytes(layout),
-        working,
-        threads.saturating_mul(STACK as u64),
+        stack_bytes(threads),
     ]
     .into_iter()
     .fold(0, u64::saturating_add)
 }
 
+/// Bytes of stack that `threads` threads touch.
+pub(crate) fn stack_bytes(threads: u64) -> u64 {
+    threads.saturating_mul(STACK as u64)
+}
+
 /// Bytes of stack that a thread touches (the core declares 30 KiB; measured with what calls it).
 const STACK: usize = 256 << 10;
 
-/// Rows above the next row of cells of which more than the colours is held: what is prepared next begins
-/// a halo below the top of those cells.
-const GUIDES_ABOVE: usize = BLOCK_HALO - HALO;
+/// Threads that compute.
+pub(crate) fn pool(threads: NonZeroUsize) -> Result<ThreadPool, Error> {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads.get())
+        .build();
+    pool.map_err(|e| Error::Budget(format!("can't start {threads} threads: {e}")))
+}
 
 /// Denoises every row of `source` into `sink`. `progress` is told how many rows have been written after each; when it
 /// breaks, the run ends with [`Error::Cancelled`].
@@ -103,20 +99,12 @@ pub fn denoise(
     options: &Options,
     progress: &mut dyn FnMut(usize) -> ControlFlow<()>,
 ) -> Result<Report, Error> {
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(options.threads.get())
-        .build();
-    let pool =
-        pool.map_err(|e| Error::Budget(format!("can't start {} threads: {e}", options.threads)))?;
+    let pool = pool(options.threads)?;
     let mut frame = Frame::new(source.layout(), options);
     let height = frame.layout.size.height();
     for row in 0..height.div_ceil(CELL) {
-        let needed = (row + 1) * CELL + LOOK_BELOW;
-        frame.read(source, needed + frame.missing.halo())?;
-        pool.install(|| {
-            frame.estimate(needed);
-            frame.compute(row);
-        });
+        frame.input.read(source, row)?;
+        pool.install(|| frame.compute(row));
         let done = if (row + 1) * CELL >= height {
             height
         } else {
@@ -133,14 +121,8 @@ struct Frame {
     layout: RowLayout,
     params: Params,
     level: Level,
-    missing: Missing,
-    /// Rows whose variances are there.
-    estimated: usize,
-    band: HeldRows,
-    /// The two pieces of prepared rows that the current row of cells reads.
-    prepared: [PreparedRows; 2],
+    input: Preparation,
     sums: SumRows,
-    input: InputRow,
     output: OutputRow,
     written: usize,
     report: Report,
@@ -148,63 +130,35 @@ struct Frame {
 
 impl Frame {
     fn new(layout: RowLayout, options: &Options) -> Self {
+        let level = Level::detect();
         Self {
             layout,
             params: options.params,
-            level: Level::detect(),
-            missing: Missing::of(&layout),
-            estimated: 0,
-            band: HeldRows::new(layout),
-            prepared: std::array::from_fn(|_| PreparedRows::new(&layout)),
+            level,
+            input: Preparation::new(layout, level),
             sums: SumRows::new(&layout, options.threads),
-            input: InputRow::new(&layout),
             output: OutputRow::new(&layout),
             written: 0,
             report: Report {
-                pixels: layout.size.pixels(),
+                counts: Counts {
+                    pixels: layout.size.pixels(),
+                    ..Counts::default()
+                },
                 ..Report::default()
             },
         }
     }
 
-    /// Reads up to row `end` or the last.
-    fn read(&mut self, source: &mut dyn RowSource, end: usize) -> Result<(), Error> {
-        while self.band.next() < end.min(self.layout.size.height()) {
-            source.read_row(self.band.next(), &mut self.input)?;
-            self.band.push(&self.input);
-        }
-        Ok(())
-    }
-
-    /// Estimates the variances that the source lacks, up to row `end` or the last.
-    fn estimate(&mut self, end: usize) {
-        let rows = self.estimated..end.min(self.layout.size.height());
-        self.estimated = rows.end;
-        self.missing
-            .fill(&mut self.band, &self.layout, rows, self.level);
-    }
-
     /// Prepares what row `row` of cells lacks, and predicts it.
     fn compute(&mut self, row: usize) {
-        let first = if row == 0 { 0 } else { row + 1 };
-        for piece in first..=row + 1 {
-            let from = prepared_from(piece);
-            if from < self.layout.size.height() as isize {
-                let filled = self.prepared[piece - row].fill(&self.band, from, self.level);
-                self.report.feature_blocks += filled.feature_blocks;
-                self.report.feature_blocks_skipped += filled.skipped;
-            }
-        }
-        let around = Neighbourhood {
-            size: self.layout.size,
-            band: &self.band,
-            prepared: &self.prepared,
-            row,
-        };
+        let counts = &mut self.report.counts;
+        self.input.prepare(row, counts);
+        let around = self.input.around(row);
         let predicted = self.sums.predict(&around, &self.params, self.level);
+        counts.cells += predicted.cells;
+        counts.cells_skipped += predicted.skipped;
         self.report.models += predicted.models;
-        self.report.cells += predicted.cells;
-        self.report.cells_skipped += predicted.skipped;
+        self.report.fitting += predicted.time;
     }
 
     /// Writes the rows before `end`.
@@ -227,16 +181,10 @@ impl Frame {
     }
 
     fn resolve_row(&mut self, row: usize, y: usize) {
-        let around = Neighbourhood {
-            size: self.layout.size,
-            band: &self.band,
-            prepared: &self.prepared,
-            row,
-        };
+        let around = self.input.around(row);
         for (x, sum) in self.sums.row(y).iter().enumerate() {
             let pixel = around.pixel::<0>(x, y);
-            self.report.passed_through += u64::from(pixel.state == PixelState::Clean);
-            self.report.repaired += u64::from(pixel.state == PixelState::Bad);
+            self.report.counts.add_pixel(pixel.state);
             let denoised = resolve(&pixel, sum, self.params.formulas);
             for (plane, value) in self.output.colour.iter_mut().zip(denoised.colour) {
                 plane[x] = value;
@@ -247,7 +195,7 @@ impl Frame {
             for (k, layer) in self.output.layers.iter_mut().enumerate() {
                 let (sums, own) = (
                     self.sums.layer_row(k, y)[x],
-                    &self.band.colours(y as isize).layers[k],
+                    &around.band.colours(y as isize).layers[k],
                 );
                 for (c, plane) in layer.iter_mut().enumerate() {
                     plane[x] = resolve_layer(&pixel, sum, self.params.formulas, sums[c], own[c][x]);
@@ -259,8 +207,6 @@ impl Frame {
     /// Moves on to the next row of cells.
     fn advance(&mut self, row: usize) {
         self.sums.advance();
-        self.prepared.rotate_left(1);
-        let next = (row + 1) * CELL;
-        self.band.drop_before(next - HALO, next - GUIDES_ABOVE);
+        self.input.advance(row);
     }
 }

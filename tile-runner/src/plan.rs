@@ -13,6 +13,7 @@ use crate::overlap::ROWS_IN_FLIGHT;
 use crate::pipeline;
 use crate::rewrite::{Fill, Rewrite};
 use crate::row::{InputRow, OutputRow};
+use crate::survey;
 
 /// The program itself, its tables and what the allocator keeps back (measured: 5 to 8 MiB).
 const PROGRAM: u64 = 10 << 20;
@@ -99,7 +100,11 @@ pub fn memory_plan(input: &Input, rewrite: &Rewrite, schedule: Schedule) -> Memo
     let mut plan = MemoryPlan::default();
     plan.add("the program", PROGRAM);
     add_reading(&mut plan, input);
-    add_coding(&mut plan, input, rewrite, schedule);
+    let written = rewrite.rewritten.iter();
+    let written: Vec<&Part> = written
+        .map(|part| &input.file().parts()[part.index])
+        .collect();
+    add_coding(&mut plan, input, &written, schedule.codes_at_once);
     add_writing(&mut plan, input, rewrite);
     let layout = input.layout();
     plan.add("computing", pipeline::bytes(&layout, schedule.threads));
@@ -113,6 +118,24 @@ pub fn memory_plan(input: &Input, rewrite: &Rewrite, schedule: Schedule) -> Memo
         );
     }
     plan
+}
+
+/// How many of `threads` threads a survey of `input` takes to stay within `limit` bytes of memory, one if it cannot, and its plan.
+pub fn survey_plan(input: &Input, threads: NonZeroUsize, limit: u64) -> (NonZeroUsize, MemoryPlan) {
+    let plan = |threads| {
+        let mut plan = MemoryPlan::default();
+        plan.add("the program", PROGRAM);
+        add_reading(&mut plan, input);
+        add_coding(&mut plan, input, &[], true);
+        plan.add("computing", survey::bytes(&input.layout(), threads));
+        (threads, plan)
+    };
+    std::iter::successors(Some(threads), |threads| {
+        NonZeroUsize::new(threads.get() / 2)
+    })
+    .map(plan)
+    .find(|(_, plan)| plan.total() <= limit)
+    .unwrap_or_else(|| plan(NonZeroUsize::MIN))
 }
 
 fn add_reading(plan: &mut MemoryPlan, input: &Input) {
@@ -145,18 +168,14 @@ fn add_reading(plan: &mut MemoryPlan, input: &Input) {
 }
 
 /// Working memory of the codecs: one for each file that is read, which codes the output too unless that has its own.
-fn add_coding(plan: &mut MemoryPlan, input: &Input, rewrite: &Rewrite, schedule: Schedule) {
+fn add_coding(plan: &mut MemoryPlan, input: &Input, written: &[&Part], at_once: bool) {
     let files = input.names.files();
     let mut read: Vec<Vec<&Part>> = vec![Vec::new(); files.len()];
     for at in input.channels() {
         read[at.file].push(&files[at.file].parts()[at.part]);
     }
-    let rewritten = rewrite.rewritten.iter();
-    let written: Vec<&Part> = rewritten
-        .map(|part| &input.file().parts()[part.index])
-        .collect();
-    if !schedule.codes_at_once {
-        read[0].extend(&written);
+    if !at_once {
+        read[0].extend(written);
     }
     let mut add = |what: &str, parts: &[&Part]| {
         if let Some(largest) = parts.iter().max_by_key(|part| coding_bytes(part)) {
@@ -168,7 +187,7 @@ fn add_coding(plan: &mut MemoryPlan, input: &Input, rewrite: &Rewrite, schedule:
     };
     for parts in &read {
         add(
-            if schedule.codes_at_once {
+            if at_once {
                 "decoding"
             } else {
                 "decoding and encoding"
@@ -176,8 +195,8 @@ fn add_coding(plan: &mut MemoryPlan, input: &Input, rewrite: &Rewrite, schedule:
             parts,
         );
     }
-    if schedule.codes_at_once {
-        add("encoding", &written);
+    if at_once {
+        add("encoding", written);
     }
 }
 

@@ -9,6 +9,17 @@ use crate::geometry::{ImageSize, plane_bytes};
 /// Features beside the pixel position: normal x y z, albedo r g b, depth.
 pub const FEATURES: usize = 7;
 
+/// Their names, in that order.
+pub const FEATURE_NAMES: [&str; FEATURES] = [
+    "normal x",
+    "normal y",
+    "normal z",
+    "albedo red",
+    "albedo green",
+    "albedo blue",
+    "depth",
+];
+
 /// Where the variance of the colour comes from once a source has turned it into rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum VarianceKind {

@@ -78,7 +78,7 @@ pub(crate) fn measure_point(arguments: &PointArguments) -> Result<Measured> {
         cost: done.cost,
         rmse: error,
         models: done.report.map(|report| report.models),
-        passed_through: done.report.map(|report| report.passed_through),
+        passed_through: done.report.map(|report| report.counts.passed_through),
     })
 }
 

@@ -137,13 +137,32 @@ pub(crate) struct InputArguments {
 Examples:
   linpred inspect noisy.exr
   linpred inspect noisy.exr --json
+  linpred inspect noisy.exr --pixels               what a run would skip, pixels that are not finite, ranges
   linpred inspect noisy.exr --map albedo=kd        what would be used with this option")]
 pub(crate) struct InspectArguments {
     #[command(flatten)]
     pub(crate) input: InputArguments,
+    #[command(flatten)]
+    pub(crate) survey: SurveyArguments,
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct SurveyArguments {
+    /// Read the pixels, too: what a run would skip, which features never vary, which pixels are not finite, ranges of radiance and variance
+    #[arg(long)]
+    pub(crate) pixels: bool,
+    /// Threads that compute; the figures do not depend on it [default: all processors]
+    #[arg(long, value_name = "N", requires = "pixels")]
+    pub(crate) threads: Option<NonZeroUsize>,
+    /// Memory that may be used, such as 256M [default: 2G]
+    #[arg(long, value_name = "SIZE", value_parser = parse_size, requires = "pixels")]
+    pub(crate) max_memory: Option<u64>,
+    /// How progress is shown on standard error, as for denoise [default: auto]
+    #[arg(long, value_enum, requires = "pixels")]
+    pub(crate) progress: Option<ProgressStyle>,
 }
 
 #[derive(Debug, Args)]

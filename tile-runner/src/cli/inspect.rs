@@ -4,15 +4,20 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use linpred::error::Error;
-use linpred::inspect::inspect;
+use linpred::inspect::inspect_with;
+use linpred::job::Input;
+use linpred::memory::DEFAULT_LIMIT;
+use linpred::survey::{Survey, survey_input};
 
-use super::args::InspectArguments;
-use super::denoise::request;
+use super::args::{InspectArguments, ProgressStyle, SurveyArguments};
+use super::denoise::{all_threads, request};
 use super::exit;
+use super::progress::Progress;
 
 /// Prints what a file holds. A file that cannot be denoised is described all the same, and ends in its exit code.
 pub(crate) fn run(arguments: InspectArguments) -> Result<ExitCode, Error> {
-    let (inspection, problem) = inspect(&request(arguments.input))?;
+    let request = request(arguments.input);
+    let (inspection, problem) = inspect_with(&request, |input| survey(input, &arguments.survey))?;
     let text = match arguments.json {
         true => format!("{:#}\n", serde_json::json!(inspection)),
         false => inspection.to_string(),
@@ -22,4 +27,19 @@ pub(crate) fn run(arguments: InspectArguments) -> Result<ExitCode, Error> {
     Ok(problem.map_or(ExitCode::SUCCESS, |error| {
         ExitCode::from(exit::code(&error))
     }))
+}
+
+/// Reads the pixels, if that is asked for.
+fn survey(input: &Input, arguments: &SurveyArguments) -> Result<Option<Survey>, Error> {
+    if !arguments.pixels {
+        return Ok(None);
+    }
+    let threads = arguments.threads.unwrap_or_else(all_threads);
+    let limit = arguments.max_memory.unwrap_or(DEFAULT_LIMIT);
+    let style = arguments.progress.unwrap_or(ProgressStyle::Auto);
+    let label = input.file().path().display().to_string();
+    let mut progress = Progress::new(style, input.height(), label);
+    let found = survey_input(input, threads, limit, &mut |rows| progress.set(rows));
+    progress.end();
+    found.map(Some)
 }
