@@ -10,6 +10,7 @@ fn main() -> ExitCode {
     cli::allocator::give_large_buffers_back();
     let arguments = cli::args::Arguments::parse();
     cli::log::start(&arguments.log);
+    cli::panics::keep_caught_ones_quiet();
     let result = match arguments.command {
         cli::args::Command::Denoise(denoise) => cli::denoise::run(denoise, &arguments.log),
         cli::args::Command::Inspect(inspect) => cli::inspect::run(inspect),

@@ -8,6 +8,7 @@ pub(crate) mod exit;
 pub(crate) mod frames;
 pub(crate) mod inspect;
 pub(crate) mod log;
+pub(crate) mod panics;
 pub(crate) mod progress;
 pub(crate) mod stitch;
 pub(crate) mod stop;

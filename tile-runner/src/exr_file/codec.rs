@@ -12,7 +12,7 @@ use exr::meta::attribute::{Compression, IntegerBounds};
 use exr::meta::header::Header;
 use flate2::{Compress, Decompress, FlushCompress, FlushDecompress, Status};
 
-use super::piz;
+use super::{coder_panics, piz};
 
 /// Deflate level: OpenEXR's own default.
 const LEVEL: u32 = 4;
@@ -98,9 +98,10 @@ impl BlockCodec {
         // the crate makes a new block: do not hold an old one beside it
         *out = Vec::new();
         let payload = std::mem::take(&mut self.payload);
-        let block = header
-            .compression
-            .decompress_image_section_from_le(header, payload, bounds, false)?;
+        let block = coder_panics::into_error(|| {
+            let compression = header.compression;
+            compression.decompress_image_section_from_le(header, payload, bounds, false)
+        })?;
         if kept == length {
             *out = block;
             return Ok(());
@@ -126,11 +127,11 @@ impl BlockCodec {
             piz::encode(&header.channels.list, bounds, block);
             return Ok(());
         }
-        *block = header.compression.compress_image_section_to_le(
-            header,
-            std::mem::take(block),
-            bounds,
-        )?;
+        let samples = std::mem::take(block);
+        *block = coder_panics::into_error(|| {
+            let compression = header.compression;
+            compression.compress_image_section_to_le(header, samples, bounds)
+        })?;
         Ok(())
     }
 
@@ -257,6 +258,23 @@ mod tests {
                     .unwrap();
                 assert_eq!(decoded, block, "{width} x {height}");
             }
+        }
+    }
+
+    /// The crate asserts that a block is no taller than its compression's; the grid makes none that is.
+    #[test]
+    fn a_block_on_which_the_exr_crate_panics_is_an_error() {
+        let mut codec = BlockCodec::default();
+        let mut header = header(7, 3);
+        header.compression = Compression::RLE;
+        let bounds = IntegerBounds::new(Vec2(0, 0), Vec2(7, 3));
+        codec.payload = vec![0; 40];
+        let mut out = Vec::new();
+        let read = codec.decode(&header, bounds, std::iter::once(0..7 * 3 * 6), &mut out);
+        let written = codec.encode(&header, &mut bytes(7 * 3 * 6, true), bounds);
+        for result in [read, written] {
+            let message = result.unwrap_err().to_string();
+            assert!(message.contains("exr crate panicked"), "{message}");
         }
     }
 

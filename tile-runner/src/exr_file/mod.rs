@@ -7,6 +7,7 @@
 pub mod attributes;
 pub mod chunk;
 pub mod codec;
+pub mod coder_panics;
 mod dwa_leader;
 pub mod grid;
 pub mod header;
