@@ -8,6 +8,7 @@
 use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use exr::math::Vec2;
 use exr::meta::attribute::{Compression, IntegerBounds};
 use exr::meta::header::Header;
 use flate2::{Compress, Decompress, FlushCompress, FlushDecompress, Status};
@@ -100,7 +101,7 @@ impl BlockCodec {
         let payload = std::mem::take(&mut self.payload);
         let block = coder_panics::into_error(|| {
             let compression = header.compression;
-            compression.decompress_image_section_from_le(header, payload, bounds, false)
+            compression.decompress_image_section_from_le(header, payload, at_origin(bounds), false)
         })?;
         if kept == length {
             *out = block;
@@ -130,7 +131,7 @@ impl BlockCodec {
         let samples = std::mem::take(block);
         *block = coder_panics::into_error(|| {
             let compression = header.compression;
-            compression.compress_image_section_to_le(header, samples, bounds)
+            compression.compress_image_section_to_le(header, samples, at_origin(bounds))
         })?;
         Ok(())
     }
@@ -170,6 +171,11 @@ impl BlockCodec {
             interleave(&self.separated, 0..length, block);
         }
     }
+}
+
+/// The same block at (0, 0). Its place would matter to subsampled channels alone, and the crate asserts that it ends before row 2^30.
+fn at_origin(bounds: IntegerBounds) -> IntegerBounds {
+    IntegerBounds::new(Vec2(0, 0), bounds.size)
 }
 
 /// OpenEXR's preparation for zip: bytes at even places, then those at odd places.
@@ -222,7 +228,6 @@ fn add_differences(bytes: &mut [u8]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use exr::math::Vec2;
     use exr::meta::attribute::{ChannelDescription, SampleType};
 
     fn header(width: usize, height: usize) -> Header {
@@ -275,6 +280,33 @@ mod tests {
         for result in [read, written] {
             let message = result.unwrap_err().to_string();
             assert!(message.contains("exr crate panicked"), "{message}");
+        }
+    }
+
+    /// The crate refuses blocks from 2^30 rows on, and panics; a frame may have twice as many.
+    #[test]
+    fn blocks_at_the_end_of_the_tallest_frame_are_coded_like_others() {
+        let mut codec = BlockCodec::default();
+        let far = IntegerBounds::new(Vec2(0, i32::MAX - 3), Vec2(7, 3));
+        for compression in [Compression::PXR24, Compression::B44, Compression::PIZ] {
+            let mut header = header(7, 3);
+            header.compression = compression;
+            let block = bytes(7 * 3 * 6, false);
+            let near = IntegerBounds::new(Vec2(0, 0), far.size);
+            let payloads = [near, far].map(|bounds| {
+                let mut payload = block.clone();
+                codec.encode(&header, &mut payload, bounds).unwrap();
+                payload
+            });
+            assert_eq!(payloads[0], payloads[1], "{compression}");
+            let decoded = [near, far].map(|bounds| {
+                codec.payload.clone_from(&payloads[0]);
+                let mut out = Vec::new();
+                let whole = std::iter::once(0..block.len());
+                codec.decode(&header, bounds, whole, &mut out).unwrap();
+                out
+            });
+            assert_eq!(decoded[0], decoded[1], "{compression}");
         }
     }
 
