@@ -3,6 +3,7 @@
 pub mod cells;
 pub mod command;
 pub mod definition;
+pub mod features;
 pub mod frames;
 pub mod images;
 pub mod oracle;

@@ -1,53 +1,10 @@
 //! Windows that aim at trouble: what renderers, and rounding, put into features and radiance.
 
-use crate::windows::{Random, pixels_within, ring_order};
+use crate::features::{Feature, Place, within_one};
+use crate::windows::{RADIUS, Random, pixels_within, ring_order};
 use linpred_core::Prior;
 use proptest::prelude::{Strategy, any};
 use proptest::sample::select;
-
-/// How one feature varies over a window.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Feature {
-    /// Noise in [-1, 1].
-    Random,
-    /// A position.
-    Horizontal,
-    /// The other position.
-    Vertical,
-    /// Two values, an object's edge through the window.
-    Edge,
-    /// 0.5 everywhere, but for the last bit at random.
-    EqualButLastBit,
-    /// The feature before it.
-    Collinear,
-    /// The feature before it, plus noise of 1e-6.
-    NearlyCollinear,
-    /// One value everywhere but at one pixel.
-    ConstantButOnePixel,
-    /// One value everywhere.
-    Constant,
-    /// Noise of 1e-30.
-    Tiny,
-    /// Noise of 1e-40, below the smallest normal float.
-    Denormal,
-    /// 0 and -0.
-    NegativeZero,
-}
-
-const FEATURES: [Feature; 12] = [
-    Feature::Random,
-    Feature::Horizontal,
-    Feature::Vertical,
-    Feature::Edge,
-    Feature::EqualButLastBit,
-    Feature::Collinear,
-    Feature::NearlyCollinear,
-    Feature::ConstantButOnePixel,
-    Feature::Constant,
-    Feature::Tiny,
-    Feature::Denormal,
-    Feature::NegativeZero,
-];
 
 /// How radiance varies over a window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -140,7 +97,7 @@ impl<const T: usize> Fit<T> {
 pub fn fits<const T: usize>() -> impl Strategy<Value = Fit<T>> {
     (
         0usize..=9,
-        proptest::collection::vec(select(&FEATURES[..]), T - 1),
+        proptest::collection::vec(within_one(), T - 1),
         select(&RADIANCES[..]),
         select(&WEIGHTS[..]),
         (any::<bool>(), select(&[0.0, 0.0, 0.3, 0.98][..])),
@@ -221,26 +178,12 @@ fn regressors<const T: usize>(
         for (i, &(x, y)) in offsets.iter().enumerate() {
             let before = z[i][column];
             let noise = (2.0 * random.uniform() - 1.0) as f32;
-            z[i][column + 1] = match feature {
-                Feature::Random => noise,
-                Feature::Horizontal => x as f32 / 9.0,
-                Feature::Vertical => y as f32 / 9.0,
-                Feature::Edge => f32::from(i8::from(2 * x > y) * 2 - 1),
-                Feature::EqualButLastBit => {
-                    if noise > 0.0 {
-                        0.5f32.next_up()
-                    } else {
-                        0.5
-                    }
-                }
-                Feature::Collinear => before,
-                Feature::NearlyCollinear => before + 1e-6 * noise,
-                Feature::ConstantButOnePixel => f32::from(u8::from(i == odd_one)),
-                Feature::Constant => 0.7,
-                Feature::Tiny => 1e-30 * noise,
-                Feature::Denormal => 1e-40 * noise,
-                Feature::NegativeZero => 0.0f32.copysign(noise),
+            let place = Place {
+                x: x as f32 / RADIUS as f32,
+                y: y as f32 / RADIUS as f32,
+                is_odd: i == odd_one,
             };
+            z[i][column + 1] = feature.value(place, before, noise);
         }
     }
     z

@@ -2,42 +2,14 @@
 
 use linpred_core::{CELL, HALO, Params, PixelState, Quality, TILE, TILE_AREA};
 use linpred_tests::cells::{Tile, denoise};
+use linpred_tests::features::{Feature, Place, any_magnitude};
 use linpred_tests::tolerance::{CONSTANT_CELL, close};
 use linpred_tests::windows::Random;
 use proptest::prelude::{ProptestConfig, Strategy, TestCaseError, any, prop_assert, proptest};
 use proptest::sample::select;
 
-/// How a feature varies over a tile.
-#[derive(Clone, Copy, Debug)]
-enum Feature {
-    Noise,
-    Edge,
-    EqualButLastBit,
-    /// The feature before it, in another unit.
-    Collinear,
-    /// The same plus 1e-6 of noise.
-    NearlyCollinear,
-    ConstantButOnePixel,
-    Constant,
-    Tiny,
-    Huge,
-    Denormal,
-    NegativeZero,
-}
-
-const FEATURES: [Feature; 11] = [
-    Feature::Noise,
-    Feature::Edge,
-    Feature::EqualButLastBit,
-    Feature::Collinear,
-    Feature::NearlyCollinear,
-    Feature::ConstantButOnePixel,
-    Feature::Constant,
-    Feature::Tiny,
-    Feature::Huge,
-    Feature::Denormal,
-    Feature::NegativeZero,
-];
+/// Column and row of the pixel in the middle of a tile.
+const MIDDLE: f32 = (TILE / 2) as f32;
 
 /// A tile of one radiance, with such features.
 #[derive(Clone, Debug)]
@@ -61,7 +33,7 @@ fn cases() -> impl Strategy<Value = Case> {
     ];
     (
         any::<u64>(),
-        proptest::collection::vec(select(&FEATURES[..]), 7),
+        proptest::collection::vec(any_magnitude(), 7),
         (variances.clone(), variances),
         select(vec![1.0f32, 0.3, 1e-8, 1e8]),
         select(vec![0.0, 0.0, 0.3, 0.99]),
@@ -88,24 +60,15 @@ impl Case {
             let (x, y) = ((i % TILE) as f32, (i / TILE) as f32);
             let pixel = &mut tile.pixels[i];
             (pixel.features[0], pixel.features[1]) = (x, y);
+            let place = Place {
+                x: x / MIDDLE - 1.0,
+                y: y / MIDDLE - 1.0,
+                is_odd: i == odd_one,
+            };
             for (k, feature) in self.features.iter().enumerate() {
                 let before = pixel.features[k + 1];
                 let noise = (2.0 * random.uniform() - 1.0) as f32;
-                pixel.features[k + 2] = match feature {
-                    Feature::Noise => noise,
-                    Feature::Edge => f32::from(i8::from(2.0 * x > y)),
-                    Feature::EqualButLastBit if noise > 0.0 => 0.5f32.next_up(),
-                    Feature::EqualButLastBit => 0.5,
-                    Feature::Collinear => 3.0 * before,
-                    Feature::NearlyCollinear => before * (1.0 + 1e-6 * noise),
-                    Feature::ConstantButOnePixel => f32::from(u8::from(i == odd_one)),
-                    Feature::Constant => 0.7,
-                    Feature::Tiny => 1e-30 * noise,
-                    Feature::Huge => 1e15 * noise,
-                    Feature::Denormal => 1e-40 * noise,
-                    Feature::NegativeZero => 0.0f32.copysign(noise),
-                }
-                .clamp(-1e15, 1e15);
+                pixel.features[k + 2] = feature.value(place, before, noise);
             }
             let square = self.radiance * self.radiance;
             pixel.colour = [1.0, 0.5, 0.0].map(|tint| tint * self.radiance);
