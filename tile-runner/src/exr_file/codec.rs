@@ -13,9 +13,11 @@ use exr::meta::attribute::{Compression, IntegerBounds};
 use exr::meta::header::Header;
 use flate2::{Compress, Decompress, FlushCompress, FlushDecompress, Status};
 
+use super::predictor::{add_differences, interleave, separate, subtract_neighbours};
 use super::{coder_panics, piz};
 
-/// Deflate level: OpenEXR's own default.
+/// Deflate level: OpenEXR's own default. Time and size on 26 channels of 512 x 512 pixels at level 1: 105 ms, 14.0 MB; 2: 212 ms, 12.8 MB; 4: 230 ms, 12.7 MB;
+/// 6: 258 ms, 12.7 MB. Other scenes are alike: level 1 is 2.2 to 2.6 times as fast for files 9 to 12 % larger.
 const LEVEL: u32 = 4;
 
 /// A codec whose holders take turns, so that no more than one block's worth of working memory is in use between them.
@@ -176,53 +178,6 @@ impl BlockCodec {
 /// The same block at (0, 0). Its place would matter to subsampled channels alone, and the crate asserts that it ends before row 2^30.
 fn at_origin(bounds: IntegerBounds) -> IntegerBounds {
     IntegerBounds::new(Vec2(0, 0), bounds.size)
-}
-
-/// OpenEXR's preparation for zip: bytes at even places, then those at odd places.
-fn separate(block: &[u8], out: &mut Vec<u8>) {
-    out.clear();
-    out.reserve_exact(block.len());
-    out.extend(block.iter().step_by(2));
-    out.extend(block.iter().skip(1).step_by(2));
-}
-
-/// Undoes [`separate`] for the bytes of `range`, whose ends are even: samples have two or four bytes.
-fn interleave(separated: &[u8], range: Range<usize>, out: &mut Vec<u8>) {
-    let (even, odd) = separated.split_at(separated.len().div_ceil(2));
-    let pairs = range.start / 2..range.end / 2;
-    let begin = out.len();
-    out.resize(begin + range.len(), 0);
-    for ((pair, even), odd) in out[begin..]
-        .chunks_exact_mut(2)
-        .zip(&even[pairs.clone()])
-        .zip(&odd[pairs])
-    {
-        pair.copy_from_slice(&[*even, *odd]);
-    }
-}
-
-/// Each byte less the one before it.
-fn subtract_neighbours(bytes: &mut [u8]) {
-    let Some((&mut first, rest)) = bytes.split_first_mut() else {
-        return;
-    };
-    let mut previous = first;
-    for byte in rest {
-        let difference = byte.wrapping_sub(previous).wrapping_add(128);
-        previous = std::mem::replace(byte, difference);
-    }
-}
-
-/// Undoes [`subtract_neighbours`].
-fn add_differences(bytes: &mut [u8]) {
-    let Some((&mut first, rest)) = bytes.split_first_mut() else {
-        return;
-    };
-    let mut previous = first;
-    for byte in rest {
-        previous = previous.wrapping_add(*byte).wrapping_sub(128);
-        *byte = previous;
-    }
 }
 
 #[cfg(test)]

@@ -13,6 +13,7 @@ pub mod grid;
 pub mod header;
 pub mod output;
 mod piz;
+mod predictor;
 pub mod reader;
 pub mod rows;
 pub mod writer;
