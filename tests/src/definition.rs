@@ -318,10 +318,11 @@ impl Window {
             .collect();
         let unit = self.per_radiance;
         let own_variance = (model.terms as f64 / pixels as f64).min(1.0);
+        let expected = self.mean_distance(&predicted);
         (0..pixels)
             .map(|i| {
                 let sample = &self.samples[i];
-                let bias = self.bias_around(i, &predicted);
+                let bias = self.bias_around(i, &predicted, expected);
                 let agreement = if sample.valid() {
                     let squared = distance(&predicted[i], &sample.y);
                     1.0 / (1.0 + squared / (2.25 * sample.tolerance + f64::from(f32::MIN_POSITIVE)))
@@ -341,25 +342,35 @@ impl Window {
             .collect()
     }
 
-    /// Mean over the valid 3 x 3 of squared error in units of variance, less 1.
-    fn bias_around(&self, i: usize, predicted: &[[f64; 3]]) -> f64 {
+    /// Mean over the valid 3 x 3 and 10 pixels that are as expected of squared error in units of variance, less 1.
+    fn bias_around(&self, i: usize, predicted: &[[f64; 3]], expected: f64) -> f64 {
         let offsets = ring_order();
         let near = (0..predicted.len()).filter(|&k| {
             let ((ax, ay), (bx, by)) = (offsets[i], offsets[k]);
             self.samples[k].valid() && (ax - bx).abs() <= 1 && (ay - by).abs() <= 1
         });
-        let (mut sum, mut count) = (0.0, 0.0);
+        let (mut sum, mut count) = (10.0 * expected, 10.0);
         for k in near {
-            let sample = &self.samples[k];
-            let squared = distance(&predicted[k], &sample.y) * sample.weight;
-            sum += squared / (sample.variance * sample.weight + 1e-6);
+            sum += self.relative_distance(k, &predicted[k]);
             count += 1.0;
         }
-        if count > 0.0 {
-            (sum / count - 1.0).max(0.0)
-        } else {
-            0.0
-        }
+        (sum / count - 1.0).max(0.0)
+    }
+
+    /// Mean over the valid pixels of the prediction window of squared errors in units of variance, each at most 100.
+    fn mean_distance(&self, predicted: &[[f64; 3]]) -> f64 {
+        let valid = (0..predicted.len()).filter(|&k| self.samples[k].valid());
+        let distances: Vec<f64> = valid
+            .map(|k| self.relative_distance(k, &predicted[k]).min(100.0))
+            .collect();
+        distances.iter().sum::<f64>() / distances.len().max(1) as f64
+    }
+
+    /// Squared error of a prediction in units of the pixel's variance.
+    fn relative_distance(&self, k: usize, predicted: &[f64; 3]) -> f64 {
+        let sample = &self.samples[k];
+        let squared = distance(predicted, &sample.y) * sample.weight;
+        squared / (sample.variance * sample.weight + 1e-6)
     }
 
     /// A layer as it follows the model: the same fit to its own radiance.
