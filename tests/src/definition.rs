@@ -180,11 +180,17 @@ impl Window {
                 z: self.z[i].clone(),
                 y: y[i],
                 weight: match self.params.formulas {
-                    Formulas::Robust => self.samples[i].weight,
+                    Formulas::Robust => self.weight(i),
                     Formulas::Literal => 1.0,
                 },
             })
             .collect()
+    }
+
+    /// A pixel's weight, half of it where its local features are the root of 5 away from the centre's.
+    fn weight(&self, i: usize) -> f64 {
+        let squared: f64 = self.z[i].iter().skip(1).map(|z| z * z).sum();
+        self.samples[i].weight * 5.0 / (5.0 + squared)
     }
 
     /// The prior of a fit to these rows: the centre and no gradients (LPR Eq. 3), in pixels of average weight.
@@ -282,7 +288,7 @@ impl Window {
             for i in ring.filter(|&i| self.samples[i].valid()) {
                 let sample = &self.samples[i];
                 let error = distance(&before.predict(&self.z[i]), &sample.y);
-                *risk += sample.weight * (error - sample.variance);
+                *risk += self.weight(i) * (error - sample.variance);
             }
         }
         risk.max(0.3 * mean_noise * (self.rank + 1) as f64) / weights
