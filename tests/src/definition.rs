@@ -329,6 +329,7 @@ impl Window {
             .map(|i| {
                 let sample = &self.samples[i];
                 let bias = self.bias_around(i, &predicted, expected);
+                let ring = (0..).find(|&r| i < pixels_within(r)).unwrap_or(0);
                 let agreement = if sample.valid() {
                     let squared = distance(&predicted[i], &sample.y);
                     1.0 / (1.0 + squared / (2.25 * sample.tolerance + f64::from(f32::MIN_POSITIVE)))
@@ -339,7 +340,10 @@ impl Window {
                     position: sample.position,
                     colour: predicted[i].map(|v| v / unit),
                     weight: match self.params.formulas {
-                        Formulas::Robust => agreement * (bias + 0.5).powf(-1.5),
+                        Formulas::Robust => {
+                            let edge = ring as f64 / (model.radius + 1) as f64;
+                            agreement * (1.0 - 0.5 * edge * edge) * (bias + 0.5).powf(-1.5)
+                        }
                         Formulas::Literal => 1.0,
                     },
                     error: (bias + own_variance) * sample.variance / (unit * unit) / 3.0,
