@@ -180,11 +180,17 @@ impl Window {
                 z: self.z[i].clone(),
                 y: y[i],
                 weight: match self.params.formulas {
-                    Formulas::Robust => self.samples[i].weight,
+                    Formulas::Robust => self.weight(i),
                     Formulas::Literal => 1.0,
                 },
             })
             .collect()
+    }
+
+    /// A pixel's weight, half of it where its local features are the root of 5 away from the centre's.
+    fn weight(&self, i: usize) -> f64 {
+        let squared: f64 = self.z[i].iter().skip(1).map(|z| z * z).sum();
+        self.samples[i].weight * 5.0 / (5.0 + squared)
     }
 
     /// The prior of a fit to these rows: the centre and no gradients (LPR Eq. 3), in pixels of average weight.
@@ -282,7 +288,7 @@ impl Window {
             for i in ring.filter(|&i| self.samples[i].valid()) {
                 let sample = &self.samples[i];
                 let error = distance(&before.predict(&self.z[i]), &sample.y);
-                *risk += sample.weight * (error - sample.variance);
+                *risk += self.weight(i) * (error - sample.variance);
             }
         }
         risk.max(0.3 * mean_noise * (self.rank + 1) as f64) / weights
@@ -318,10 +324,12 @@ impl Window {
             .collect();
         let unit = self.per_radiance;
         let own_variance = (model.terms as f64 / pixels as f64).min(1.0);
+        let expected = self.mean_distance(&predicted);
         (0..pixels)
             .map(|i| {
                 let sample = &self.samples[i];
-                let bias = self.bias_around(i, &predicted);
+                let bias = self.bias_around(i, &predicted, expected);
+                let ring = (0..).find(|&r| i < pixels_within(r)).unwrap_or(0);
                 let agreement = if sample.valid() {
                     let squared = distance(&predicted[i], &sample.y);
                     1.0 / (1.0 + squared / (2.25 * sample.tolerance + f64::from(f32::MIN_POSITIVE)))
@@ -332,7 +340,10 @@ impl Window {
                     position: sample.position,
                     colour: predicted[i].map(|v| v / unit),
                     weight: match self.params.formulas {
-                        Formulas::Robust => agreement * (bias + 0.5).powf(-1.5),
+                        Formulas::Robust => {
+                            let edge = ring as f64 / (model.radius + 1) as f64;
+                            agreement * (1.0 - 0.5 * edge * edge) * (bias + 0.5).powf(-1.5)
+                        }
                         Formulas::Literal => 1.0,
                     },
                     error: (bias + own_variance) * sample.variance / (unit * unit) / 3.0,
@@ -341,25 +352,35 @@ impl Window {
             .collect()
     }
 
-    /// Mean over the valid 3 x 3 of squared error in units of variance, less 1.
-    fn bias_around(&self, i: usize, predicted: &[[f64; 3]]) -> f64 {
+    /// Mean over the valid 3 x 3 and 10 pixels that are as expected of squared error in units of variance, less 1.
+    fn bias_around(&self, i: usize, predicted: &[[f64; 3]], expected: f64) -> f64 {
         let offsets = ring_order();
         let near = (0..predicted.len()).filter(|&k| {
             let ((ax, ay), (bx, by)) = (offsets[i], offsets[k]);
             self.samples[k].valid() && (ax - bx).abs() <= 1 && (ay - by).abs() <= 1
         });
-        let (mut sum, mut count) = (0.0, 0.0);
+        let (mut sum, mut count) = (10.0 * expected, 10.0);
         for k in near {
-            let sample = &self.samples[k];
-            let squared = distance(&predicted[k], &sample.y) * sample.weight;
-            sum += squared / (sample.variance * sample.weight + 1e-6);
+            sum += self.relative_distance(k, &predicted[k]);
             count += 1.0;
         }
-        if count > 0.0 {
-            (sum / count - 1.0).max(0.0)
-        } else {
-            0.0
-        }
+        (sum / count - 1.0).max(0.0)
+    }
+
+    /// Mean over the valid pixels of the prediction window of squared errors in units of variance, each at most 100.
+    fn mean_distance(&self, predicted: &[[f64; 3]]) -> f64 {
+        let valid = (0..predicted.len()).filter(|&k| self.samples[k].valid());
+        let distances: Vec<f64> = valid
+            .map(|k| self.relative_distance(k, &predicted[k]).min(100.0))
+            .collect();
+        distances.iter().sum::<f64>() / distances.len().max(1) as f64
+    }
+
+    /// Squared error of a prediction in units of the pixel's variance.
+    fn relative_distance(&self, k: usize, predicted: &[f64; 3]) -> f64 {
+        let sample = &self.samples[k];
+        let squared = distance(predicted, &sample.y) * sample.weight;
+        squared / (sample.variance * sample.weight + 1e-6)
     }
 
     /// A layer as it follows the model: the same fit to its own radiance.
