@@ -1,6 +1,8 @@
 //! Weights and filtered features of the rows of cells, block by block.
 
 use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use linpred_core::{
     BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane, ColourBlock, FeatureGroup, FilteredGroup,
@@ -9,7 +11,7 @@ use linpred_core::{
 use rayon::prelude::*;
 
 use crate::dispatch::Level;
-use crate::geometry::{ImageSize, plane_bytes};
+use crate::geometry::plane_bytes;
 use crate::held_rows::{HeldRows, copy_clamped};
 use crate::row::{FEATURES, RowLayout};
 
@@ -21,32 +23,47 @@ const _: () = assert!(
     "the prefilter must not read beyond the band"
 );
 
-/// Blocks that each thread works out before their results are stored.
-const BLOCKS_PER_THREAD: usize = 4;
-
-/// What the cells read of 19 rows beside their colour: planes row after row.
+/// What the cells read of 19 rows beside their colour.
 pub(crate) struct PreparedRows {
-    size: ImageSize,
+    width: usize,
+    /// Which groups of features the image has.
+    present: [bool; GROUPS.len()],
+    rows: Vec<PreparedRow>,
+}
+
+/// A row of them. A feature that the image lacks has empty planes.
+pub(crate) struct PreparedRow {
     pub(crate) weight: Vec<f32>,
     pub(crate) variance: Vec<f32>,
     pub(crate) tolerance: Vec<f32>,
-    /// Features; empty if the image has no such feature.
     pub(crate) features: [Vec<f32>; FEATURES],
     pub(crate) feature_variances: [Vec<f32>; FEATURES],
 }
 
-impl PreparedRows {
-    pub(crate) fn new(layout: &RowLayout) -> Self {
-        let pixels = layout.size.width() * BLOCK_HEIGHT;
-        let plane = || vec![0.0; pixels];
-        let feature = |k: usize| vec![0.0; if layout.features[k] { pixels } else { 0 }];
+impl PreparedRow {
+    fn new(layout: &RowLayout) -> Self {
+        let width = layout.size.width();
+        let plane = || vec![0.0; width];
+        let feature = |k: usize| vec![0.0; if layout.features[k] { width } else { 0 }];
         Self {
-            size: layout.size,
             weight: plane(),
             variance: plane(),
             tolerance: plane(),
             features: std::array::from_fn(feature),
             feature_variances: std::array::from_fn(feature),
+        }
+    }
+}
+
+impl PreparedRows {
+    pub(crate) fn new(layout: &RowLayout) -> Self {
+        Self {
+            width: layout.size.width(),
+            // a group is there if its first feature is
+            present: GROUPS.map(|group| layout.features[group.start]),
+            rows: (0..BLOCK_HEIGHT)
+                .map(|_| PreparedRow::new(layout))
+                .collect(),
         }
     }
 
@@ -56,94 +73,47 @@ impl PreparedRows {
         plane_bytes(layout.size, BLOCK_HEIGHT, 3 + 2 * features)
     }
 
-    /// Bytes that working them out takes, on `threads` threads.
-    pub(crate) fn working_bytes(threads: u64) -> u64 {
-        threads * (BLOCKS_PER_THREAD * size_of::<Block>() + size_of::<Inputs>()) as u64
+    /// Row `row` of the 19.
+    pub(crate) fn row(&self, row: usize) -> &PreparedRow {
+        &self.rows[row]
     }
 
-    /// Works out the rows from `first_row` on, of which some may lie above the image, and counts blocks of
-    /// features.
-    pub(crate) fn fill(&mut self, band: &HeldRows, first_row: isize, level: Level) -> Filled {
-        let columns: Vec<usize> = (0..self.size.width()).step_by(BLOCK_WIDTH).collect();
-        let at_once = BLOCKS_PER_THREAD * rayon::current_num_threads();
-        let mut blocks: Vec<Box<Block>> = (0..at_once.min(columns.len()))
-            .map(|_| Block::new())
-            .collect();
-        let mut filled = Filled::default();
-        // a group is there if its first feature is
-        let groups = GROUPS.map(|group| !self.features[group.start].is_empty());
-        for columns in columns.chunks(at_once) {
-            (blocks.par_iter_mut().zip(columns)).for_each_init(
-                Inputs::new,
-                |inputs, (block, &x)| {
-                    let source = Source {
-                        band,
-                        width: self.size.width(),
-                        x,
-                        y: first_row,
-                    };
-                    block.work_out(&source, &self.features, level, inputs);
-                },
-            );
-            for (block, &x) in blocks.iter().zip(columns) {
-                for (present, filtered) in groups.iter().zip(block.filtered) {
-                    filled.feature_blocks += u64::from(*present);
-                    filled.skipped += u64::from(*present && !filtered);
+    /// Works out the rows from `first_row` on, of which some may lie above the image, each thread at a bench of its own, and
+    /// counts blocks of features.
+    pub(crate) fn fill(
+        &mut self,
+        band: &HeldRows,
+        first_row: isize,
+        level: Level,
+        benches: &mut [Box<BlockBench>],
+    ) -> Filled {
+        let (width, present) = (self.width, self.present);
+        // A block is stored row by row, so that threads wait for one another no longer than a row takes.
+        let rows: Vec<_> = self.rows.iter_mut().map(Mutex::new).collect();
+        let next = AtomicUsize::new(0);
+        let filled = benches.par_iter_mut().map(|bench| {
+            let mut filled = Filled::default();
+            loop {
+                let x = next.fetch_add(BLOCK_WIDTH, Ordering::Relaxed);
+                if x >= width {
+                    return filled;
                 }
-                self.store(block, x);
-                self.copy_unfiltered(block, band, x, first_row);
-            }
-        }
-        filled
-    }
-
-    fn store(&mut self, block: &Block, x: usize) {
-        let width = self.size.width();
-        let columns = BLOCK_WIDTH.min(width - x);
-        let store = |plane: &mut [f32], values: &BlockPlane| {
-            for (row, values) in plane.chunks_exact_mut(width).zip(values) {
-                row[x..x + columns].copy_from_slice(&values[..columns]);
-            }
-        };
-        store(&mut self.weight, &block.prepared.weight);
-        store(&mut self.variance, &block.prepared.variance);
-        store(&mut self.tolerance, &block.prepared.tolerance);
-        let groups = [
-            (&block.normal.value[..], &block.normal.variance[..]),
-            (&block.albedo.value[..], &block.albedo.variance[..]),
-            (&block.depth.value[..], &block.depth.variance[..]),
-        ];
-        for ((features, done), (values, variances)) in
-            GROUPS.into_iter().zip(block.filtered).zip(groups)
-        {
-            if done {
-                for (k, (value, variance)) in features.zip(values.iter().zip(variances)) {
-                    store(&mut self.features[k], value);
-                    store(&mut self.feature_variances[k], variance);
+                let source = Source {
+                    band,
+                    width,
+                    x,
+                    y: first_row,
+                };
+                bench.work_out(&source, &present, level);
+                filled.count(&present, &bench.filtered);
+                for (row, target) in rows.iter().enumerate() {
+                    // A thread that panicked takes the run down with it; the rows are of no use then.
+                    let mut target = target.lock().unwrap_or_else(PoisonError::into_inner);
+                    bench.store(&source, row, &mut target);
                 }
             }
-        }
-    }
-
-    /// The features of the groups that had no noise to be filtered.
-    fn copy_unfiltered(&mut self, block: &Block, band: &HeldRows, x: usize, y: isize) {
-        let width = self.size.width();
-        let columns = x..width.min(x + BLOCK_WIDTH);
-        for (features, _) in GROUPS
-            .into_iter()
-            .zip(block.filtered)
-            .filter(|(_, done)| !done)
-        {
-            for k in features {
-                // the plane of a feature that the image lacks has no rows
-                let values = self.features[k].chunks_exact_mut(width);
-                let variances = self.feature_variances[k].chunks_exact_mut(width);
-                for (y, (values, variances)) in (y..).zip(values.zip(variances)) {
-                    band.copy_feature(k, x as isize, y, &mut values[columns.clone()]);
-                    variances[columns.clone()].fill(0.0);
-                }
-            }
-        }
+        });
+        filled.reduce(Filled::default, Filled::and)
     }
 }
 
@@ -158,68 +128,98 @@ pub(crate) struct Filled {
     pub(crate) skipped: u64,
 }
 
-/// One block's results.
-struct Block {
+impl Filled {
+    fn count(&mut self, present: &[bool; GROUPS.len()], filtered: &[bool; GROUPS.len()]) {
+        for (present, filtered) in present.iter().zip(filtered) {
+            self.feature_blocks += u64::from(*present);
+            self.skipped += u64::from(*present && !filtered);
+        }
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self {
+            feature_blocks: self.feature_blocks + other.feature_blocks,
+            skipped: self.skipped + other.skipped,
+        }
+    }
+}
+
+/// Where a thread works out blocks, one after the other.
+pub(crate) struct BlockBench {
+    colours: ColourBlock,
+    triple: FeatureGroup<3>,
+    single: FeatureGroup<1>,
     prepared: PreparedBlock,
     normal: FilteredGroup<3>,
     albedo: FilteredGroup<3>,
     depth: FilteredGroup<1>,
     /// Which of the groups had noise; the others' results are not there.
-    filtered: [bool; 3],
+    filtered: [bool; GROUPS.len()],
 }
 
-impl Block {
-    fn new() -> Box<Self> {
-        Box::new(Self {
-            prepared: PreparedBlock::EMPTY,
-            normal: FilteredGroup::ZERO,
-            albedo: FilteredGroup::ZERO,
-            depth: FilteredGroup::ZERO,
-            filtered: [false; 3],
-        })
-    }
-
-    fn work_out(
-        &mut self,
-        source: &Source,
-        features: &[Vec<f32>; FEATURES],
-        level: Level,
-        inputs: &mut Inputs,
-    ) {
-        source.load_colours(&mut inputs.colours);
-        level.prepare(&inputs.colours, &mut self.prepared);
-        let wanted =
-            GROUPS.map(|group| !features[group.start].is_empty() && source.is_noisy(&group));
-        self.filtered = [false; 3];
-        if wanted[0] {
-            source.load_features(&GROUPS[0], &mut inputs.triple);
-            self.filtered[0] = level.prefilter(&inputs.triple, &mut self.normal);
-        }
-        if wanted[1] {
-            source.load_features(&GROUPS[1], &mut inputs.triple);
-            self.filtered[1] = level.prefilter(&inputs.triple, &mut self.albedo);
-        }
-        if wanted[2] {
-            source.load_features(&GROUPS[2], &mut inputs.single);
-            self.filtered[2] = level.prefilter(&inputs.single, &mut self.depth);
-        }
-    }
-}
-
-/// What a block is made of, used for its parts in turn.
-struct Inputs {
-    colours: ColourBlock,
-    triple: FeatureGroup<3>,
-    single: FeatureGroup<1>,
-}
-
-impl Inputs {
-    fn new() -> Box<Self> {
+impl BlockBench {
+    pub(crate) fn new() -> Box<Self> {
         Box::new(Self {
             colours: ColourBlock::BLACK,
             triple: FeatureGroup::ZERO,
             single: FeatureGroup::ZERO,
+            prepared: PreparedBlock::EMPTY,
+            normal: FilteredGroup::ZERO,
+            albedo: FilteredGroup::ZERO,
+            depth: FilteredGroup::ZERO,
+            filtered: [false; GROUPS.len()],
         })
+    }
+
+    fn work_out(&mut self, source: &Source, present: &[bool; GROUPS.len()], level: Level) {
+        source.load_colours(&mut self.colours);
+        level.prepare(&self.colours, &mut self.prepared);
+        let wanted = |g: usize| present[g] && source.is_noisy(&GROUPS[g]);
+        self.filtered = [false; GROUPS.len()];
+        if wanted(0) {
+            source.load_features(&GROUPS[0], &mut self.triple);
+            self.filtered[0] = level.prefilter(&self.triple, &mut self.normal);
+        }
+        if wanted(1) {
+            source.load_features(&GROUPS[1], &mut self.triple);
+            self.filtered[1] = level.prefilter(&self.triple, &mut self.albedo);
+        }
+        if wanted(2) {
+            source.load_features(&GROUPS[2], &mut self.single);
+            self.filtered[2] = level.prefilter(&self.single, &mut self.depth);
+        }
+    }
+
+    /// Stores row `row` of the block that was worked out.
+    fn store(&self, source: &Source, row: usize, target: &mut PreparedRow) {
+        let columns = source.x..source.width.min(source.x + BLOCK_WIDTH);
+        let store = |plane: &mut [f32], values: &BlockPlane| {
+            plane[columns.clone()].copy_from_slice(&values[row][..columns.len()]);
+        };
+        store(&mut target.weight, &self.prepared.weight);
+        store(&mut target.variance, &self.prepared.variance);
+        store(&mut target.tolerance, &self.prepared.tolerance);
+        let groups = [
+            (&self.normal.value[..], &self.normal.variance[..]),
+            (&self.albedo.value[..], &self.albedo.variance[..]),
+            (&self.depth.value[..], &self.depth.variance[..]),
+        ];
+        for ((features, filtered), (values, variances)) in
+            GROUPS.into_iter().zip(self.filtered).zip(groups)
+        {
+            for (k, (value, variance)) in features.zip(values.iter().zip(variances)) {
+                let own = &mut target.features[k];
+                if filtered {
+                    store(own, value);
+                    store(&mut target.feature_variances[k], variance);
+                } else if !own.is_empty() {
+                    let y = source.y + row as isize;
+                    let own = &mut own[columns.clone()];
+                    source.band.copy_feature(k, source.x as isize, y, own);
+                    target.feature_variances[k][columns.clone()].fill(0.0);
+                }
+            }
+        }
     }
 }
 

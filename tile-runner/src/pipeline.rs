@@ -14,16 +14,19 @@ use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use linpred_core::{CELL, HALO, Params, resolve, resolve_layer};
+use linpred_core::{CELL, HALO, Params};
 use rayon::ThreadPool;
+use rayon::prelude::*;
 
-use crate::cells::SumRows;
+use crate::cells::CellBenches;
 use crate::dispatch::Level;
 use crate::error::Error;
 use crate::noise::Missing;
 pub use crate::preparation::Counts;
 use crate::preparation::{LOOK_BELOW, Preparation};
+use crate::resolved::{ROWS_PER_THREAD, ResolvedRow};
 use crate::row::{OutputRow, RowLayout, RowSink, RowSource};
+use crate::sum_rows::SumRows;
 
 /// How to run.
 #[derive(Clone, Copy, Debug)]
@@ -67,8 +70,9 @@ pub fn bytes(layout: &RowLayout, threads: NonZeroUsize) -> u64 {
     let threads = threads.get() as u64;
     [
         Preparation::bytes(layout, threads),
-        SumRows::bytes(layout, threads),
-        OutputRow::bytes(layout),
+        CellBenches::bytes(layout, threads),
+        SumRows::bytes(layout),
+        OutputRow::bytes(layout).saturating_mul(threads.saturating_mul(ROWS_PER_THREAD as u64)),
         stack_bytes(threads),
     ]
     .into_iter()
@@ -110,7 +114,7 @@ pub fn denoise(
         } else {
             (row + 1) * CELL - HALO
         };
-        frame.write(sink, row, done, progress)?;
+        frame.write(&pool, sink, row, done, progress)?;
         frame.advance(row);
     }
     Ok(frame.report)
@@ -122,22 +126,27 @@ struct Frame {
     params: Params,
     level: Level,
     input: Preparation,
+    cells: CellBenches,
     sums: SumRows,
-    output: OutputRow,
+    /// Rows that are worked out at a time.
+    resolved: Vec<ResolvedRow>,
     written: usize,
     report: Report,
 }
 
 impl Frame {
     fn new(layout: RowLayout, options: &Options) -> Self {
-        let level = Level::detect();
+        let (level, threads) = (Level::detect(), options.threads);
         Self {
             layout,
             params: options.params,
             level,
-            input: Preparation::new(layout, level),
-            sums: SumRows::new(&layout, options.threads),
-            output: OutputRow::new(&layout),
+            input: Preparation::new(layout, threads, level),
+            cells: CellBenches::new(&layout, threads),
+            sums: SumRows::new(&layout),
+            resolved: (0..threads.get() * ROWS_PER_THREAD)
+                .map(|_| ResolvedRow::new(&layout))
+                .collect(),
             written: 0,
             report: Report {
                 counts: Counts {
@@ -154,7 +163,8 @@ impl Frame {
         let counts = &mut self.report.counts;
         self.input.prepare(row, counts);
         let around = self.input.around(row);
-        let predicted = self.sums.predict(&around, &self.params, self.level);
+        let sums = &mut self.sums;
+        let predicted = self.cells.predict(&around, &self.params, self.level, sums);
         counts.cells += predicted.cells;
         counts.cells_skipped += predicted.skipped;
         self.report.models += predicted.models;
@@ -164,44 +174,44 @@ impl Frame {
     /// Writes the rows before `end`.
     fn write(
         &mut self,
+        pool: &ThreadPool,
         sink: &mut dyn RowSink,
         row: usize,
         end: usize,
         progress: &mut dyn FnMut(usize) -> ControlFlow<()>,
     ) -> Result<(), Error> {
         while self.written < end {
-            self.resolve_row(row, self.written);
-            sink.write_row(self.written, &self.output)?;
-            self.written += 1;
-            if progress(self.written).is_break() {
-                return Err(Error::Cancelled);
+            let rows = self.resolved.len().min(end - self.written);
+            pool.install(|| self.resolve(row, rows));
+            for resolved in &self.resolved[..rows] {
+                sink.write_row(self.written, &resolved.output)?;
+                self.report.counts.passed_through += resolved.counts.passed_through;
+                self.report.counts.repaired += resolved.counts.repaired;
+                self.written += 1;
+                if progress(self.written).is_break() {
+                    return Err(Error::Cancelled);
+                }
             }
         }
         Ok(())
     }
 
-    fn resolve_row(&mut self, row: usize, y: usize) {
-        let around = self.input.around(row);
-        for (x, sum) in self.sums.row(y).iter().enumerate() {
-            let pixel = around.pixel::<0>(x, y);
-            self.report.counts.add_pixel(pixel.state);
-            let denoised = resolve(&pixel, sum, self.params.formulas);
-            for (plane, value) in self.output.colour.iter_mut().zip(denoised.colour) {
-                plane[x] = value;
-            }
-            self.output.error[x] = denoised.error;
-            self.output.radius[x] = denoised.radius;
-            self.output.rank[x] = denoised.rank;
-            for (k, layer) in self.output.layers.iter_mut().enumerate() {
-                let (sums, own) = (
-                    self.sums.layer_row(k, y)[x],
-                    &around.band.colours(y as isize).layers[k],
-                );
-                for (c, plane) in layer.iter_mut().enumerate() {
-                    plane[x] = resolve_layer(&pixel, sum, self.params.formulas, sums[c], own[c][x]);
+    /// Works out the next `rows` rows of output.
+    fn resolve(&mut self, row: usize, rows: usize) {
+        let (around, formulas) = (self.input.around(row), self.params.formulas);
+        let sums = self.sums.rows_from(self.written);
+        let rows: Vec<_> = (self.written..)
+            .zip(sums)
+            .zip(&mut self.resolved[..rows])
+            .collect();
+        rows.into_par_iter()
+            .for_each(|((y, (own, before)), resolved)| {
+                if let Some(before) = before {
+                    own.take(before);
                 }
-            }
-        }
+                resolved.fill(&around.row(y), own, formulas);
+                own.clear();
+            });
     }
 
     /// Moves on to the next row of cells.

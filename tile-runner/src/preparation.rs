@@ -3,15 +3,17 @@
 //! What a run can skip is known from here on, so a survey of an image goes through the same stages as a run and counts what that
 //! will skip (see [`Counts`]).
 
+use std::num::NonZeroUsize;
+
 use linpred_core::{CELL, HALO, PixelState};
 use serde::Serialize;
 
-use crate::blocks::{BLOCK_HALO, PreparedRows};
-use crate::cells::{Neighbourhood, prepared_from};
+use crate::blocks::{BLOCK_HALO, BlockBench, PreparedRows};
 use crate::dispatch::Level;
 use crate::error::Error;
 use crate::geometry::plane_bytes;
 use crate::held_rows::{ColourRow, GuideRow, HeldRows};
+use crate::neighbourhood::{Neighbourhood, prepared_from};
 use crate::noise::Missing;
 use crate::row::{InputRow, RowLayout, RowSource};
 
@@ -60,11 +62,13 @@ pub(crate) struct Preparation {
     band: HeldRows,
     /// The two pieces of prepared rows that the current row of cells reads.
     prepared: [PreparedRows; 2],
+    benches: Vec<Box<BlockBench>>,
     input: InputRow,
 }
 
 impl Preparation {
-    pub(crate) fn new(layout: RowLayout, level: Level) -> Self {
+    /// Nothing of an image yet, to be prepared on `threads` threads.
+    pub(crate) fn new(layout: RowLayout, threads: NonZeroUsize, level: Level) -> Self {
         Self {
             layout,
             level,
@@ -72,6 +76,7 @@ impl Preparation {
             estimated: 0,
             band: HeldRows::new(layout),
             prepared: std::array::from_fn(|_| PreparedRows::new(&layout)),
+            benches: (0..threads.get()).map(|_| BlockBench::new()).collect(),
             input: InputRow::new(&layout),
         }
     }
@@ -80,15 +85,13 @@ impl Preparation {
     pub(crate) fn bytes(layout: &RowLayout, threads: u64) -> u64 {
         let missing = Missing::of(layout);
         let below = 2 * CELL + missing.halo();
-        let working = missing
-            .working_bytes(threads)
-            .max(PreparedRows::working_bytes(threads));
         [
             plane_bytes(layout.size, HALO + below, ColourRow::planes(layout)),
             plane_bytes(layout.size, GUIDES_ABOVE + below, GuideRow::planes(layout)),
             PreparedRows::bytes(layout).saturating_mul(2),
             InputRow::bytes(layout),
-            working,
+            missing.working_bytes(threads),
+            threads.saturating_mul(size_of::<BlockBench>() as u64),
         ]
         .into_iter()
         .fold(0, u64::saturating_add)
@@ -111,7 +114,8 @@ impl Preparation {
         for piece in first..=row + 1 {
             let from = prepared_from(piece);
             if from < self.layout.size.height() as isize {
-                let filled = self.prepared[piece - row].fill(&self.band, from, self.level);
+                let prepared = &mut self.prepared[piece - row];
+                let filled = prepared.fill(&self.band, from, self.level, &mut self.benches);
                 counts.feature_blocks += filled.feature_blocks;
                 counts.feature_blocks_skipped += filled.skipped;
             }

@@ -7,11 +7,11 @@ use std::ops::ControlFlow;
 use linpred_core::{CELL, Formulas, PixelState};
 use serde::Serialize;
 
-use crate::cells::Neighbourhood;
 use crate::dispatch::Level;
 use crate::error::Error;
 use crate::job::Input;
 use crate::memory;
+use crate::neighbourhood::Neighbourhood;
 use crate::pipeline::{pool, stack_bytes};
 use crate::plan;
 use crate::preparation::{Counts, Preparation};
@@ -53,7 +53,7 @@ pub fn survey(
     let pool = pool(threads)?;
     let layout = source.layout();
     let height = layout.size.height();
-    let mut input = Preparation::new(layout, Level::detect());
+    let mut input = Preparation::new(layout, threads, Level::detect());
     let mut found = Findings::new(layout);
     for row in 0..height.div_ceil(CELL) {
         input.read(source, row)?;
@@ -130,8 +130,9 @@ impl Findings {
 
     fn add_colours(&mut self, around: &Neighbourhood, y: usize) {
         let variances = &around.band.guides(y as isize).variance;
+        let row = around.row(y);
         for (x, variance) in variances.iter().enumerate() {
-            let pixel = around.pixel::<0>(x, y);
+            let pixel = row.pixel::<0>(x);
             self.counts.add_pixel(pixel.state);
             if pixel.state == PixelState::Bad {
                 self.first_repaired.get_or_insert([x, y]);
