@@ -8,7 +8,7 @@
     reason = "the loops follow the indices of the formulas"
 )]
 
-use crate::float::sqrt;
+use crate::float::fine_reciprocal_sqrt;
 use crate::lanes::lanes_stay_innermost;
 
 /// Sweeps at most; six are the most seen on windows of real and of adversarial features.
@@ -177,10 +177,11 @@ fn rotate<const D: usize, const L: usize>(
     for l in 0..L {
         let element = if worth[l] { element[l] } else { 1.0 };
         let theta = (qq[l] - pp[l]) / (2.0 * element);
-        let magnitude = 1.0 / (theta.abs() + sqrt(theta * theta + 1.0));
+        let hypotenuse = theta * theta + 1.0;
+        let magnitude = 1.0 / (theta.abs() + hypotenuse * fine_reciprocal_sqrt(hypotenuse));
         let signed = if theta < 0.0 { -magnitude } else { magnitude };
         tangent[l] = if worth[l] { signed } else { 0.0 };
-        cosine[l] = 1.0 / sqrt(tangent[l] * tangent[l] + 1.0);
+        cosine[l] = fine_reciprocal_sqrt(tangent[l] * tangent[l] + 1.0);
         sine[l] = tangent[l] * cosine[l];
     }
     mix_rows(matrix, p, q, &cosine, &sine);

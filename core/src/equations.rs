@@ -44,7 +44,7 @@ impl<const T: usize, const L: usize> Equations<T, L> {
         for i in 0..T {
             add_products::<f64, T, N, L>(
                 &mut self.gram[i],
-                i,
+                i..T,
                 |p| &chunk.weighted[p][i],
                 |p| &chunk.regressors[p],
             );
@@ -145,10 +145,10 @@ impl<const T: usize, const L: usize, const N: usize> Chunk<T, L, N> {
 
     /// Sets pixel `p`, whose regressor `t` is `regressor(t)`.
     #[inline(always)]
-    pub(crate) fn set(
+    pub(crate) fn set<'a>(
         &mut self,
         p: usize,
-        regressor: impl Fn(usize) -> [f32; L],
+        regressor: impl Fn(usize) -> &'a [f32; L],
         response: &[[f32; L]; CHANNELS],
         weight: &[f32; L],
     ) {
@@ -185,7 +185,7 @@ impl<const T: usize, const L: usize, const N: usize> Chunk<T, L, N> {
         for c in 0..CHANNELS {
             add_products::<f64, T, N, L>(
                 &mut moments[c],
-                0,
+                0..T,
                 |p| &self.response[p][c],
                 |p| &self.weighted[p],
             );

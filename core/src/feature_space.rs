@@ -33,7 +33,7 @@ pub const MAX_TERMS: usize = 16;
 /// The kept directions of each window's features, in the unit of [`to_range`].
 #[repr(C, align(64))]
 pub(crate) struct Basis<const D: usize, const L: usize> {
-    /// By direction, strongest first, then by feature; 0 beyond the rank.
+    /// By feature, then by direction, strongest first; 0 beyond the rank.
     pub(crate) axes: [[[f32; L]; D]; D],
     /// Directions kept.
     pub(crate) rank: [usize; L],
@@ -178,7 +178,7 @@ impl<const D: usize, const L: usize> RangeSums<D, L> {
     fn add(&mut self, rows: &[[[f32; L]; D]; CHUNK]) {
         for j in 0..D {
             let products = &mut self.products.0[j];
-            add_products::<f32, D, CHUNK, L>(products, j, |p| &rows[p][j], |p| &rows[p]);
+            add_products::<f32, D, CHUNK, L>(products, j..D, |p| &rows[p][j], |p| &rows[p]);
             let mut total = self.totals.0[j];
             for row in rows {
                 for l in 0..L {
@@ -243,9 +243,9 @@ fn keep_strongest<const D: usize, const L: usize>(
                 let stronger = found.values[n][l] > value || (found.values[n][l] == value && n < m);
                 place += usize::from(stronger);
             }
-            if let Some(axis) = basis.axes.get_mut(place) {
-                for j in 0..D {
-                    axis[j][l] = found.vectors[m][j][l];
+            for (feature, axis) in basis.axes.iter_mut().zip(&found.vectors[m]) {
+                if let Some(entry) = feature.get_mut(place) {
+                    entry[l] = axis[l];
                 }
             }
             basis.rank[l] += 1;

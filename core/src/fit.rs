@@ -18,7 +18,7 @@
 use crate::equations::{Chunk, Equations, Factor, about};
 use crate::feature_space::Basis;
 use crate::float::saturate;
-use crate::lanes::{Aligned, lanes_stay_innermost};
+use crate::lanes::{Aligned, add_products, lanes_stay_innermost};
 use crate::params::Params;
 use crate::prior::CHANNELS;
 use crate::tile::{RADIUS, WINDOW_AREA, window_pixels};
@@ -123,10 +123,13 @@ impl<const T: usize, const L: usize> Systems<T, L> {
 
 /// Regressor `t` of a pixel: 1, then its local features, then 0.
 #[inline(always)]
-pub(crate) fn term<const D: usize, const L: usize>(features: &[[f32; L]; D], t: usize) -> [f32; L] {
+pub(crate) fn term<const D: usize, const L: usize>(
+    features: &[[f32; L]; D],
+    t: usize,
+) -> &[f32; L] {
     match t.checked_sub(1) {
-        None => [1.0; L],
-        Some(feature) => features.get(feature).copied().unwrap_or([0.0; L]),
+        None => const { &[1.0; L] },
+        Some(feature) => features.get(feature).unwrap_or(const { &[0.0; L] }),
     }
 }
 
@@ -190,16 +193,12 @@ fn project<const T: usize, const D: usize, const L: usize>(
     basis: &Basis<D, L>,
 ) {
     let mut local = Aligned([[0.0; L]; D]);
-    for k in 0..(T - 1).min(D) {
-        let mut sum = [0.0; L];
-        for j in 0..D {
-            for l in 0..L {
-                sum[l] += features[j][l] * basis.axes[k][j][l];
-            }
-            lanes_stay_innermost();
-        }
-        local.0[k] = sum;
-    }
+    add_products::<f32, D, D, L>(
+        &mut local.0,
+        0..(T - 1).min(D),
+        |j| &features[j],
+        |j| &basis.axes[j],
+    );
     for k in 0..D {
         features[k] = local.0[k];
         lanes_stay_innermost();
@@ -422,22 +421,27 @@ fn constant<const T: usize, const L: usize>(centre: &[[f32; L]; CHANNELS]) -> Co
     coefficients
 }
 
-/// `beta^T z` of one channel, from a pixel's local features.
+/// `beta^T z` of each channel, from a pixel's local features.
 #[inline(always)]
 pub(crate) fn evaluate<const T: usize, const D: usize, const L: usize>(
-    coefficients: &[[f32; L]; T],
+    coefficients: &Coefficients<T, L>,
     features: &[[f32; L]; D],
-) -> [f32; L] {
-    let mut value = coefficients[0];
+) -> [[f32; L]; CHANNELS] {
+    let mut values = [[0.0; L]; CHANNELS];
+    for c in 0..CHANNELS {
+        values[c] = coefficients[c][0];
+    }
     for t in 1..T {
         if let Some(feature) = features.get(t - 1) {
-            for l in 0..L {
-                value[l] += coefficients[t][l] * feature[l];
+            for c in 0..CHANNELS {
+                for l in 0..L {
+                    values[c][l] += coefficients[c][t][l] * feature[l];
+                }
             }
         }
         lanes_stay_innermost();
     }
-    value
+    values
 }
 
 /// `sum over channels (beta^T z - y)^2`.
@@ -447,11 +451,12 @@ fn squared_distance<const T: usize, const D: usize, const L: usize>(
     features: &[[f32; L]; D],
     colour: &[[f32; L]; CHANNELS],
 ) -> [f32; L] {
+    let values = evaluate(coefficients, features);
     let mut sum = [0.0; L];
     for c in 0..CHANNELS {
-        let value = evaluate(&coefficients[c], features);
         for l in 0..L {
-            sum[l] += (value[l] - colour[c][l]) * (value[l] - colour[c][l]);
+            let difference = values[c][l] - colour[c][l];
+            sum[l] += difference * difference;
         }
     }
     sum

@@ -1,6 +1,6 @@
 //! Loops whose body works on several lanes at once, and what keeps them fast.
 
-use core::ops::{AddAssign, Mul};
+use core::ops::{AddAssign, Mul, Range};
 use core::sync::atomic::{Ordering, compiler_fence};
 
 /// Memory that vector loads like.
@@ -18,24 +18,24 @@ pub(crate) fn lanes_stay_innermost() {
     compiler_fence(Ordering::SeqCst);
 }
 
-/// Adds `left(p) * right(p)[j]` to `sums[j]`, for j from `from` on and `N` pixels p in their order.
+/// Adds `left(p) * right(p)[j]` to `sums[j]`, for j of `range` and `N` pixels p in their order.
 ///
 /// Four sums at a time stay in registers over all the pixels.
 #[inline(always)]
 pub(crate) fn add_products<'a, A, const W: usize, const N: usize, const L: usize>(
     sums: &mut [[A; L]; W],
-    from: usize,
+    range: Range<usize>,
     left: impl Fn(usize) -> &'a [A; L],
     right: impl Fn(usize) -> &'a [[A; L]; W],
 ) where
     A: Copy + AddAssign + Mul<Output = A> + 'a,
 {
-    let mut j = from;
-    while j + 4 <= W {
+    let mut j = range.start;
+    while j + 4 <= range.end {
         add_block::<A, 4, W, N, L>(sums, j, &left, &right);
         j += 4;
     }
-    match W.saturating_sub(j) {
+    match range.end.saturating_sub(j) {
         1 => add_block::<A, 1, W, N, L>(sums, j, &left, &right),
         2 => add_block::<A, 2, W, N, L>(sums, j, &left, &right),
         3 => add_block::<A, 3, W, N, L>(sums, j, &left, &right),

@@ -31,7 +31,7 @@ impl<'a, const D: usize, const L: usize> LiteralWindow<'a, D, L> {
         let pixels = pixels.enumerate().take(to).skip(from);
         let of_lane = |values: &[f32; L]| values.get(self.lane).copied().unwrap_or(0.0);
         pixels.filter_map(move |(i, (features, sample))| {
-            let regressors = core::array::from_fn(|t| of_lane(&term(features, t)));
+            let regressors = core::array::from_fn(|t| of_lane(term(features, t)));
             let colour = sample.colour.each_ref().map(of_lane);
             (of_lane(&sample.weight) > 0.0).then_some((i, regressors, colour))
         })

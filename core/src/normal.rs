@@ -152,7 +152,8 @@ impl<const T: usize> Default for NormalEquations<T> {
 
 fn one_pixel<const T: usize>(z: &[f32; T], y: &[f32; CHANNELS], weight: f32) -> Chunk<T, 1, 1> {
     let mut chunk = Chunk::ZERO;
-    let regressor = |t: usize| [z.get(t).copied().unwrap_or(0.0)];
+    let regressors = z.map(|v| [v]);
+    let regressor = |t: usize| regressors.get(t).unwrap_or(&[0.0]);
     chunk.set(0, regressor, &y.map(|v| [v]), &[weight]);
     chunk
 }

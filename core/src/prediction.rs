@@ -112,17 +112,15 @@ impl<const L: usize> PredictionWindows<L> {
         self.total = [0.0; L];
         self.pixels = [0.0; L];
         let widest = models.radius.iter().fold(0, |a, b| a.max(*b));
-        let mut radiance = [0.0; L];
+        let (mut radiance, mut predicted) = ([0.0; L], [0.0; L]);
         for l in 0..L {
             radiance[l] = 1.0 / windows.per_radiance[l];
+            predicted[l] = window_pixels(models.radius[l]) as f32;
         }
         let pixels = windows.features.iter().zip(&windows.samples);
         for (i, (features, sample)) in pixels.enumerate().take(window_pixels(widest)) {
-            let mut colour = [[0.0; L]; 3];
-            for c in 0..3 {
-                colour[c] = evaluate(&models.coefficients[c], features);
-            }
-            self.judge(i, &colour, sample, &models.radius);
+            let colour = evaluate(&models.coefficients, features);
+            self.judge(i, &colour, sample, &predicted);
             if let Some(predictions) = self.colour.get_mut(i) {
                 for c in 0..3 {
                     for l in 0..L {
@@ -135,9 +133,9 @@ impl<const L: usize> PredictionWindows<L> {
         self.weigh(models, windows, formulas, widest);
     }
 
-    /// Compares a prediction of each model with its pixel.
+    /// Compares a prediction of each model with its pixel; `pixels` of each window are predicted.
     #[inline(always)]
-    fn judge(&mut self, i: usize, colour: &[[f32; L]; 3], sample: &Sample<L>, radius: &[usize; L]) {
+    fn judge(&mut self, i: usize, colour: &[[f32; L]; 3], sample: &Sample<L>, pixels: &[f32; L]) {
         let (Some(weight), Some(&position)) = (self.weight.get_mut(i), RASTER.get(i)) else {
             return;
         };
@@ -147,33 +145,24 @@ impl<const L: usize> PredictionWindows<L> {
         ) else {
             return;
         };
-        let mut inside = [0.0; L];
-        for l in 0..L {
-            inside[l] = if i < window_pixels(radius[l]) {
-                1.0
-            } else {
-                0.0
-            };
+        let (place, mut squared) = (i as f32, [0.0; L]);
+        for c in 0..3 {
+            for l in 0..L {
+                let difference = colour[c][l] - sample.colour[c][l];
+                squared[l] += difference * difference;
+            }
         }
         for l in 0..L {
-            let mut squared = 0.0;
-            for c in 0..3 {
-                let difference = colour[c][l] - sample.colour[c][l];
-                squared += difference * difference;
-            }
-            let squared = if sample.weight[l] > 0.0 { squared } else { 0.0 };
+            let valid = sample.weight[l] > 0.0;
+            let squared = if valid { squared[l] } else { 0.0 };
             let disagreement = squared / (DISAGREEMENT * sample.tolerance[l] + f32::MIN_POSITIVE);
-            let agreement = 1.0 / (1.0 + disagreement);
+            weight[l] = 1.0 / (1.0 + disagreement);
             // Relative to a variance of 0 every error is infinite: a millionth of the squared radiance bounds it.
             let relative =
                 squared * sample.weight[l] / (sample.variance[l] * sample.weight[l] + 1e-6);
-            let known_here = if sample.weight[l] > 0.0 {
-                inside[l]
-            } else {
-                0.0
-            };
+            let inside = if place < pixels[l] { 1.0 } else { 0.0 };
+            let known_here = if valid { inside } else { 0.0 };
             let relative = if known_here > 0.0 { relative } else { 0.0 };
-            weight[l] = agreement;
             distance[l] = relative;
             known[l] = known_here;
             self.total[l] += if relative < LARGEST_DISTANCE {
@@ -321,9 +310,7 @@ impl<const L: usize> PredictionWindows<L> {
         windows: &Windows<D, L>,
     ) {
         for (colour, features) in self.colour.iter_mut().zip(&windows.features) {
-            for c in 0..3 {
-                colour[c] = evaluate(&coefficients[c], features);
-            }
+            *colour = evaluate(coefficients, features);
             lanes_stay_innermost();
         }
     }

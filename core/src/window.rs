@@ -22,6 +22,21 @@ pub(crate) struct Sample<const L: usize> {
 }
 
 impl<const L: usize> Sample<L> {
+    /// Values of a sample.
+    const VALUES: usize = 6;
+
+    /// Sets value `k`: colour, weight, variance, tolerance; nothing beyond them.
+    #[inline(always)]
+    fn set(&mut self, k: usize, value: [f32; L]) {
+        match k {
+            0..3 => self.colour[k] = value,
+            3 => self.weight = value,
+            4 => self.variance = value,
+            5 => self.tolerance = value,
+            _ => {}
+        }
+    }
+
     const ZERO: Self = Self {
         colour: [[0.0; L]; 3],
         weight: [0.0; L],
@@ -81,32 +96,21 @@ impl<const D: usize, const L: usize> Windows<D, L> {
                 ) else {
                     break;
                 };
+                let mut pixels = [const { &Pixel::OUTSIDE }; L];
                 for l in 0..L {
-                    let pixel = match centres[l] {
+                    pixels[l] = match centres[l] {
                         Some(centre) => tiles[l].pixel_at(centre.wrapping_add_signed(step)),
                         None => &Pixel::OUTSIDE,
                     };
-                    for j in 0..D {
-                        features[j][l] = pixel.features[j];
-                    }
-                    for c in 0..3 {
-                        sample.colour[c][l] = pixel.colour[c];
-                    }
-                    sample.weight[l] = pixel.weight;
-                    sample.variance[l] = pixel.variance;
-                    sample.tolerance[l] = pixel.tolerance;
                 }
+                take_four::<0, D, L>(&pixels, features, sample);
+                take_four::<4, D, L>(&pixels, features, sample);
+                take_four::<8, D, L>(&pixels, features, sample);
+                take_four::<12, D, L>(&pixels, features, sample);
+                take_four::<16, D, L>(&pixels, features, sample);
+                take_four::<20, D, L>(&pixels, features, sample);
+                extent.take_in(features, sample);
                 lanes_stay_innermost();
-            }
-        }
-        // Not while they are read: what was just stored lane by lane cannot be loaded as a vector yet.
-        let features = self.features.chunks_exact(SPAN);
-        for (features, samples) in features.zip(self.samples.chunks_exact(SPAN)) {
-            if let (Some(features), Some(samples)) = (
-                features.first_chunk::<SPAN>(),
-                samples.first_chunk::<SPAN>(),
-            ) {
-                extent.take_in(features, samples);
             }
         }
         extent
@@ -140,38 +144,86 @@ impl<const D: usize, const L: usize> Windows<D, L> {
 }
 
 impl<const D: usize, const L: usize> Extent<D, L> {
-    /// Takes in some pixels of the windows.
+    /// Takes in a pixel of each window.
     #[inline(always)]
-    fn take_in(&mut self, values: &[[[f32; L]; D]; SPAN], samples: &[Sample<L>; SPAN]) {
+    fn take_in(&mut self, values: &[[f32; L]; D], sample: &Sample<L>) {
         // Moves what does not count out of the way; a condition here would be a branch, and no vector instruction.
-        let mut aways = [[0.0; L]; SPAN];
-        for (sample, away) in samples.iter().zip(&mut aways) {
-            let weight = &sample.weight;
+        let mut away = [0.0; L];
+        for l in 0..L {
+            let weight = sample.weight[l];
+            away[l] = if weight > 0.0 { 0.0 } else { f32::INFINITY };
+            self.pixels[l] += if weight > 0.0 { 1.0 } else { 0.0 };
+            let largest = self.weight[l];
+            self.weight[l] = if weight > largest { weight } else { largest };
+        }
+        for j in 0..D {
             for l in 0..L {
-                away[l] = if weight[l] > 0.0 { 0.0 } else { f32::INFINITY };
-                self.pixels[l] += if weight[l] > 0.0 { 1.0 } else { 0.0 };
-                let largest = self.weight[l];
-                self.weight[l] = if weight[l] > largest {
-                    weight[l]
-                } else {
-                    largest
-                };
+                let (low, high) = (self.low[j][l], self.high[j][l]);
+                let (below, above) = (values[j][l] + away[l], values[j][l] - away[l]);
+                self.low[j][l] = if below < low { below } else { low };
+                self.high[j][l] = if above > high { above } else { high };
             }
             lanes_stay_innermost();
         }
-        for j in 0..D {
-            let (mut low, mut high) = (self.low[j], self.high[j]);
-            for (values, away) in values.iter().zip(&aways) {
-                for l in 0..L {
-                    let below = values[j][l] + away[l];
-                    let above = values[j][l] - away[l];
-                    low[l] = if below < low[l] { below } else { low[l] };
-                    high[l] = if above > high[l] { above } else { high[l] };
-                }
-                lanes_stay_innermost();
+    }
+}
+
+/// Takes values `K` to `K + 3` of each of `L` pixels. They are read four at a time, so that the compiler makes shuffles of it
+/// (measured: a sixth less than value by value).
+#[inline(always)]
+fn take_four<const K: usize, const D: usize, const L: usize>(
+    pixels: &[&Pixel<D>; L],
+    features: &mut [[f32; L]; D],
+    sample: &mut Sample<L>,
+) {
+    if const { K >= D + Sample::<1>::VALUES } {
+        return;
+    }
+    let mut rows = [[0.0; L]; 4];
+    for l in (0..L).step_by(4) {
+        let own = [
+            four::<K, D>(pixels.get(l)),
+            four::<K, D>(pixels.get(l + 1)),
+            four::<K, D>(pixels.get(l + 2)),
+            four::<K, D>(pixels.get(l + 3)),
+        ];
+        for (j, row) in rows.iter_mut().enumerate() {
+            for (i, place) in row.iter_mut().skip(l).take(4).enumerate() {
+                *place = own[i][j];
             }
-            (self.low[j], self.high[j]) = (low, high);
         }
+    }
+    for (k, value) in (K..).zip(rows) {
+        match features.get_mut(k) {
+            Some(feature) => *feature = value,
+            None => sample.set(k - D, value),
+        }
+    }
+}
+
+#[inline(always)]
+fn four<const K: usize, const D: usize>(pixel: Option<&&Pixel<D>>) -> [f32; 4] {
+    match pixel {
+        Some(pixel) => [
+            value(pixel, K),
+            value(pixel, K + 1),
+            value(pixel, K + 2),
+            value(pixel, K + 3),
+        ],
+        None => [0.0; 4],
+    }
+}
+
+/// Value `k` of a pixel: its features, then those of a [`Sample`], in the order in which they lie in memory.
+#[inline(always)]
+fn value<const D: usize>(pixel: &Pixel<D>, k: usize) -> f32 {
+    match k.checked_sub(D) {
+        None => pixel.features[k],
+        Some(c @ 0..3) => pixel.colour[c],
+        Some(3) => pixel.weight,
+        Some(4) => pixel.variance,
+        Some(5) => pixel.tolerance,
+        _ => 0.0,
     }
 }
 
