@@ -1,8 +1,8 @@
 //! Centres come pass after pass, ever closer together, and skip what enough models predict already (LPR section 5.1).
 
-use linpred_core::{CELL, HALO, Params, PixelState, Quality, TILE};
+use linpred_core::{CELL, HALO, Params, PixelState, Quality, RADIUS, TILE};
 use linpred_tests::cells::{Tile, denoise, tile};
-use proptest::prelude::{ProptestConfig, Strategy, any, prop_assert_eq, proptest};
+use proptest::prelude::{ProptestConfig, Strategy, any, prop_assert, prop_assert_eq, proptest};
 
 /// A tile of one radiance that is said to be noisy: every model predicts the whole of its window. Some pixels are open.
 fn tiles() -> impl Strategy<Value = Box<Tile>> {
@@ -19,9 +19,16 @@ fn tiles() -> impl Strategy<Value = Box<Tile>> {
     })
 }
 
-/// How many models predict each pixel of a tile, and how many there are, if each predicts the 19 x 19 around it.
-fn placed(tile: &Tile, coverage: u32) -> (Vec<u32>, u32) {
+/// A prediction's weight so many rings from its model's centre, where all else is equal: half of it would be gone one ring beyond the window.
+fn weight(ring: usize) -> f32 {
+    let part = ring as f32 / (RADIUS + 1) as f32;
+    1.0 - 0.5 * part * part
+}
+
+/// The weights of the models that predict each pixel of a tile, and how many there are, if each predicts the 19 x 19 around it.
+fn placed(tile: &Tile, coverage: u32) -> (Vec<f32>, u32) {
     let mut predicted = vec![0; tile.pixels.len()];
+    let mut weights = vec![0.0; tile.pixels.len()];
     let mut models = 0;
     // A later pass comes back to centres of earlier ones, where the same model would be fitted again.
     let mut built = vec![false; tile.pixels.len()];
@@ -36,13 +43,16 @@ fn placed(tile: &Tile, coverage: u32) -> (Vec<u32>, u32) {
                     for row in y..=y + 2 * HALO {
                         for column in x..=x + 2 * HALO {
                             predicted[row * TILE + column] += 1;
+                            let (down, across) =
+                                (row.abs_diff(y + HALO), column.abs_diff(x + HALO));
+                            weights[row * TILE + column] += weight(down.max(across));
                         }
                     }
                 }
             }
         }
     }
-    (predicted, models)
+    (weights, models)
 }
 
 proptest! {
@@ -51,15 +61,14 @@ proptest! {
     #[test]
     fn and_nowhere_else(tile in tiles(), coverage in 1u16..9) {
         let cell = denoise(&tile, &Params { coverage, ..Params::new(Quality::Fast) });
-        let (predicted, models) = placed(&tile, u32::from(coverage));
+        let (weights, models) = placed(&tile, u32::from(coverage));
         prop_assert_eq!(cell.models, models);
-        // All predictions of one pixel weigh alike, for each agrees with it: their number is known by the weight of one.
-        let weight = cell.predictions.sums.iter().zip(&predicted).find(|(_, count)| **count == 1).map(|(sum, _)| sum.weight);
-        for (sum, count) in cell.predictions.sums.iter().zip(&predicted) {
-            prop_assert_eq!(sum.weight > 0.0, *count > 0);
-            if let Some(weight) = weight {
-                prop_assert_eq!((sum.weight / weight).round() as u32, *count);
-            }
+        // Each prediction agrees with its pixel, so that all weights have one factor in common.
+        let pairs = || cell.predictions.sums.iter().zip(&weights);
+        let factor = pairs().find(|(_, weight)| **weight > 0.0).map(|(sum, weight)| sum.weight / weight);
+        for (sum, weight) in pairs() {
+            let expected = factor.unwrap_or(0.0) * weight;
+            prop_assert!((sum.weight - expected).abs() <= 1e-5 * expected, "{} {}", sum.weight, expected);
             if sum.weight > 0.0 {
                 prop_assert_eq!((sum.radius / sum.weight).round() as u32, 9);
             }
