@@ -169,7 +169,7 @@ impl<const D: usize, const L: usize> Extent<D, L> {
 }
 
 /// Takes values `K` to `K + 3` of each of `L` pixels. They are read four at a time, so that the compiler makes shuffles of it
-/// (measured: a sixth less than value by value).
+/// (measured: a model takes 5 % fewer cycles than value by value).
 #[inline(always)]
 fn take_four<const K: usize, const D: usize, const L: usize>(
     pixels: &[&Pixel<D>; L],
