@@ -185,8 +185,15 @@ impl<const L: usize> PredictionWindows<L> {
     ) {
         let mut fit_variance = [0.0; L];
         let mut per_channel = [0.0; L];
-        let mut loss = [0.0; L];
+        let (mut loss, mut expected) = ([0.0; L], [0.0; L]);
         for l in 0..L {
+            // 0 / 0 in a window without a pixel to judge by.
+            let mean = self.total[l] / self.pixels[l];
+            expected[l] = if self.pixels[l] > 0.0 {
+                WINDOW_SHARE * mean
+            } else {
+                0.0
+            };
             let beyond = (models.radius[l] + 1) as f32;
             loss[l] = EDGE_LOSS / (beyond * beyond);
             // The fit's own variance is, on average over its window, its terms' share of the noise.
@@ -194,14 +201,6 @@ impl<const L: usize> PredictionWindows<L> {
             fit_variance[l] = (models.terms[l] as f32 / pixels).min(1.0);
             let per_radiance = windows.per_radiance[l];
             per_channel[l] = 1.0 / (per_radiance * per_radiance) / 3.0;
-        }
-        let mut expected = [0.0; L];
-        for l in 0..L {
-            expected[l] = if self.pixels[l] > 0.0 {
-                WINDOW_SHARE * (self.total[l] / self.pixels[l])
-            } else {
-                0.0
-            };
         }
         for (i, sample) in windows
             .samples
@@ -222,9 +221,7 @@ impl<const L: usize> PredictionWindows<L> {
             for l in 0..L {
                 let own = match formulas {
                     Formulas::Robust => {
-                        // 0 is as good as negative: outside of the lane's own window.
                         let share = 1.0 - loss[l] * ring * ring;
-                        let share = if share > 0.0 { share } else { 0.0 };
                         weight[l] * share * reliability(bias[l] + ERROR_SOFTENING)
                     }
                     Formulas::Literal => 1.0,

@@ -222,23 +222,17 @@ impl Frame {
 impl Frame {
     /// Makes `columns` of `rows` one colour and one surface without noise, whether variances come with the image or not.
     pub fn calm(&mut self, columns: Range<usize>, rows: Range<usize>) {
+        let set = |plane: &mut Vec<f32>, value| {
+            // a feature that the image lacks has no columns
+            let inside = plane.iter_mut().take(columns.end).skip(columns.start);
+            inside.for_each(|v| *v = value);
+        };
         for row in &mut self.rows[rows] {
             let values = row.colour.iter_mut().chain(&mut row.features);
-            // a feature that the image lacks has no columns
-            for plane in values.chain(row.layers.iter_mut().flatten()) {
-                plane
-                    .iter_mut()
-                    .take(columns.end)
-                    .skip(columns.start)
-                    .for_each(|v| *v = 0.5);
-            }
-            for plane in row.variance.iter_mut().chain(&mut row.feature_variances) {
-                plane
-                    .iter_mut()
-                    .take(columns.end)
-                    .skip(columns.start)
-                    .for_each(|v| *v = 0.0);
-            }
+            let values = values.chain(row.layers.iter_mut().flatten());
+            values.for_each(|plane| set(plane, 0.5));
+            let variances = row.variance.iter_mut().chain(&mut row.feature_variances);
+            variances.for_each(|plane| set(plane, 0.0));
         }
     }
 

@@ -30,8 +30,8 @@ fn open(path: &Path, layers: &[&str]) -> Input {
 }
 
 /// A sink for what denoising `input` gives.
-fn sink(input: &Input, output: &Path) -> ExrSink {
-    let plan = input.rewrite(ExtraLayers::default()).unwrap();
+fn sink(input: &Input, output: &Path, extra: ExtraLayers) -> ExrSink {
+    let plan = input.rewrite(extra).unwrap();
     let stop = Arc::new(AtomicBool::new(false));
     ExrSink::create(
         output,
@@ -59,17 +59,7 @@ fn rows(input: &Input) -> Vec<InputRow> {
 
 /// Writes an output whose planes are constants, distinct by role.
 fn write_constants(input: &Input, output: &Path, extra: ExtraLayers) {
-    let plan = input.rewrite(extra).unwrap();
-    let stop = Arc::new(AtomicBool::new(false));
-    let mut sink = ExrSink::create(
-        output,
-        input.file().clone(),
-        plan,
-        input.file().codec(),
-        LIMIT,
-        stop,
-    )
-    .unwrap();
+    let mut sink = sink(input, output, extra);
     let plane = |value| vec![value; SIZE.0];
     let row = OutputRow {
         colour: [plane(0.5), plane(1.5), plane(2.5)],
@@ -295,7 +285,7 @@ fn a_colour_beyond_half_precision_is_clamped_and_counted() {
         vec![part(["R", "G", "B"].map(|c| half(c, PIXELS, 1)).to_vec())],
     );
     let input = open(&path, &[]);
-    let mut sink = sink(&input, &output);
+    let mut sink = sink(&input, &output, ExtraLayers::default());
     let row = OutputRow {
         colour: [(); 3].map(|()| vec![1e6; SIZE.0]),
         ..OutputRow::default()
@@ -313,7 +303,7 @@ fn an_unfinished_sink_leaves_nothing() {
     let (path, output) = (folder.path().join("in.exr"), folder.path().join("out.exr"));
     write(&path, SIZE, vec![part(colour(PIXELS))]);
     let input = open(&path, &[]);
-    let sink = sink(&input, &output);
+    let sink = sink(&input, &output, ExtraLayers::default());
     assert!(folder.path().join("out.exr.part").exists());
     drop(sink);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);

@@ -38,36 +38,32 @@ impl SumRow {
         let last = TILE.min(self.beauty.len() + HALO - cell * CELL);
         let from = ty * TILE + first..ty * TILE + last;
         let to = cell * CELL + first - HALO;
-        for (sum, own) in self.beauty[to..]
-            .iter_mut()
-            .zip(&predictions.sums[from.clone()])
-        {
-            sum.add(own);
-        }
-        for (sums, layer) in self.layers.iter_mut().zip(layers) {
-            for (sum, own) in sums[to..].iter_mut().zip(&layer.sums[from.clone()]) {
-                add_colour(sum, own);
-            }
-        }
+        let layers = layers.iter().map(|layer| &layer.sums[from.clone()]);
+        self.add_from(to, &predictions.sums[from.clone()], layers);
     }
 
     /// Adds all of `other` and leaves it without predictions.
     pub(crate) fn take(&mut self, other: &mut Self) {
-        for (sum, own) in self.beauty.iter_mut().zip(&other.beauty) {
-            sum.add(own);
-        }
-        for (sums, layer) in self.layers.iter_mut().zip(&other.layers) {
-            for (sum, own) in sums.iter_mut().zip(layer) {
-                add_colour(sum, own);
-            }
-        }
+        self.add_from(0, &other.beauty, other.layers.iter().map(Vec::as_slice));
         other.clear();
     }
-}
 
-fn add_colour(sum: &mut [f32; 3], other: &[f32; 3]) {
-    for (sum, value) in sum.iter_mut().zip(other) {
-        *sum += value;
+    /// Adds sums to those from column `first` on.
+    fn add_from<'a>(
+        &mut self,
+        first: usize,
+        beauty: &[Sum],
+        layers: impl Iterator<Item = &'a [[f32; 3]]>,
+    ) {
+        for (sum, own) in self.beauty[first..].iter_mut().zip(beauty) {
+            sum.add(own);
+        }
+        for (sums, layer) in self.layers.iter_mut().zip(layers) {
+            let values = layer.as_flattened();
+            for (sum, value) in sums[first..].as_flattened_mut().iter_mut().zip(values) {
+                *sum += value;
+            }
+        }
     }
 }
 
