@@ -7,44 +7,29 @@
 #![forbid(unsafe_code)]
 
 mod blend;
+mod block;
 mod cell;
-mod columns;
-mod dot;
 mod eigen;
-mod equations;
-mod feature_noise;
-mod feature_space;
-mod fit;
 mod float;
 mod lanes;
-mod literal;
-mod median;
-mod noise;
-mod normal;
+mod least_squares;
 mod params;
-mod prediction;
-mod prefilter;
-mod prepare;
-mod prior;
-mod rls;
 mod tile;
-mod walk;
-mod window;
 
 pub use blend::{Denoised, LayerTile, Predictions, Sum, resolve, resolve_layer};
-pub use cell::{Cells, Scratch, denoise_cell, denoise_cells};
-pub use eigen::SymmetricEigen;
-pub use feature_space::MAX_TERMS;
-pub use noise::{
+pub use block::estimate_noise::{
     NOISE_HALO, NoiseBlock, NoisePlane, NoisyBlock, estimate_colour_noise, estimate_feature_noise,
 };
-pub use normal::{Gram, NormalEquations, NotFinite, Solution};
-pub use params::{Formulas, Params, Quality};
-pub use prefilter::{FeatureGroup, FeaturePlane, FilteredGroup, PREFILTER_HALO, prefilter};
-pub use prepare::{
+pub use block::prefilter::{FeatureGroup, FeaturePlane, FilteredGroup, PREFILTER_HALO, prefilter};
+pub use block::weights::{
     BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane, ColourBlock, ColourPlane, PREPARE_HALO,
     PreparedBlock, prepare,
 };
-pub use prior::{CHANNELS, Prior};
-pub use rls::{Rls, Taken};
+pub use cell::feature_space::MAX_TERMS;
+pub use cell::{Cells, Scratch, denoise_cell, denoise_cells};
+pub use eigen::SymmetricEigen;
+pub use least_squares::normal_equations::{Gram, NormalEquations, NotFinite, Solution};
+pub use least_squares::prior::{CHANNELS, Prior};
+pub use least_squares::rls::{Rls, Taken};
+pub use params::{Formulas, Params, Quality};
 pub use tile::{CELL, HALO, Pixel, PixelState, RADIUS, TILE, TILE_AREA, Tile, WINDOW_AREA};

@@ -13,10 +13,10 @@
     reason = "the loops follow the indices of the formulas"
 )]
 
+use crate::cell::window::{Extent, Windows};
 use crate::eigen::{Decomposed, decorrelate};
 use crate::lanes::{Aligned, add_products, lanes_stay_innermost};
 use crate::tile::WINDOW_AREA;
-use crate::window::{Extent, Windows};
 
 /// A feature that moves less than this part of its magnitude in the window is constant.
 const CONSTANT: f32 = 1e-5;

@@ -20,9 +20,9 @@
     reason = "the loops follow the indices of the formulas"
 )]
 
-use crate::columns::{columns, columns_of};
+use crate::block::plane::{columns, columns_of};
+use crate::block::weights::{BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane};
 use crate::float::reciprocal;
-use crate::prepare::{BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane};
 
 /// Half-width of the search.
 const SEARCH: usize = 3;

@@ -48,7 +48,7 @@ impl<const L: usize> Sample<L> {
 /// `L` windows of `D` features, ring after ring.
 #[repr(C, align(64))]
 pub(crate) struct Windows<const D: usize, const L: usize> {
-    /// Features as they came; then those of the range; in the end the local ones (see [`crate::feature_space`]).
+    /// Features as they came; then those of the range; in the end the local ones (see [`crate::cell::feature_space`]).
     pub(crate) features: [[[f32; L]; D]; WINDOW_AREA],
     pub(crate) samples: [Sample<L>; WINDOW_AREA],
     /// Radiance of 1 in each window's unit.

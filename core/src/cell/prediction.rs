@@ -5,17 +5,12 @@
     reason = "the loops follow the indices of the formulas"
 )]
 
-use crate::blend::{LayerTile, Predictions, Sum};
-use crate::fit::{Coefficients, Models, evaluate};
-use crate::float::reciprocal_sqrt;
+use crate::blend::{ERROR_SOFTENING, LayerTile, Predictions, Sum, reliability};
+use crate::cell::fit::robust::{Coefficients, Models, evaluate};
+use crate::cell::window::{Sample, Windows};
 use crate::lanes::lanes_stay_innermost;
 use crate::params::Formulas;
 use crate::tile::{RADIUS, RING_STEPS, RINGS, WINDOW_AREA, window_pixels};
-use crate::window::{Sample, Windows};
-
-/// Added to a local error, in units of the pixel's variance, before a weight is made of it: an estimate from nine noisy
-/// pixels knows no better (measured: 0.2 to 1 alike).
-pub(crate) const ERROR_SOFTENING: f32 = 0.5;
 
 /// Squared distance, in units of a pixel's tolerance, at which a prediction that the pixel itself speaks against loses
 /// half its weight (measured: 1.5^2; the one remedy for dark pixels beside bright ones).
@@ -35,14 +30,6 @@ const EDGE_LOSS: f32 = 0.5;
 
 /// Side of a prediction window with a margin of one.
 const SIDE: usize = 2 * RADIUS + 3;
-
-/// Weight of a prediction whose squared error is `error`: between the inverse error, which trusts too many, and its
-/// square, which trusts the luckiest.
-#[inline(always)]
-pub(crate) fn reliability(error: f32) -> f32 {
-    let root = reciprocal_sqrt(error);
-    root * root * root
-}
 
 /// One lane of a colour.
 #[inline(always)]

@@ -1,6 +1,6 @@
 //! The model of one window: fitted ring by ring, and stopped where its risk is least (LPR section 4).
 //!
-//! Against the papers' formulas (see [`crate::literal`]):
+//! Against the papers' formulas (see [`crate::cell::fit::lpr`]):
 //!
 //! - Pixels weigh 1 / radiance^2, as in the relative error that images are judged by; radiance enters in units of the
 //!   window's darkest weight, so that no exposure overflows. Of that, pixels far from the centre in feature space have a
@@ -15,14 +15,14 @@
     reason = "the loops follow the indices of the formulas"
 )]
 
-use crate::equations::{Chunk, Equations, Factor, about};
-use crate::feature_space::Basis;
+use crate::cell::feature_space::Basis;
+use crate::cell::window::{Sample, Windows};
 use crate::float::saturate;
 use crate::lanes::{Aligned, add_products, lanes_stay_innermost};
+use crate::least_squares::prior::CHANNELS;
+use crate::least_squares::sums::{Chunk, Equations, Factor, about};
 use crate::params::Params;
-use crate::prior::CHANNELS;
 use crate::tile::{RADIUS, WINDOW_AREA, window_pixels};
-use crate::window::{Sample, Windows};
 
 /// No risk is below this part of the fit's own variance (measured: 0.3 to 0.6 alike; without, gloss suffers).
 const RISK_FLOOR: f32 = 0.3;

@@ -17,10 +17,10 @@
     reason = "the loops follow the indices of the formulas"
 )]
 
-use crate::dot::finite_dot;
-use crate::equations::{Chunk, Equations, Factor};
 use crate::float::{ln_f64, saturate, sqrt_f64};
-use crate::prior::{CHANNELS, Prior};
+use crate::least_squares::dot::finite_dot;
+use crate::least_squares::prior::{CHANNELS, Prior};
+use crate::least_squares::sums::{Chunk, Equations, Factor};
 
 /// A sum was not finite, because a regressor, radiance, weight or the prior was not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

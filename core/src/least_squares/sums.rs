@@ -1,7 +1,7 @@
 //! Normal equations of `L` models side by side, one in each lane.
 //!
 //! Every lane does what a single model would, in the same order, so the bits do not depend on how many there are; the
-//! compiler makes vector instructions of the innermost loops. What they mean is said in [`crate::normal`], whose types
+//! compiler makes vector instructions of the innermost loops. What they mean is said in [`crate::least_squares::normal_equations`], whose types
 //! are these with one lane.
 
 #![expect(
@@ -11,7 +11,7 @@
 
 use crate::float::saturate;
 use crate::lanes::{Aligned, add_products, lanes_stay_innermost};
-use crate::prior::CHANNELS;
+use crate::least_squares::prior::CHANNELS;
 
 /// A pivot below this part of its diagonal element is rounding, not information.
 const PIVOT_NOISE: f64 = 1e-14;

@@ -23,10 +23,10 @@
     reason = "the loops follow the indices of the formulas"
 )]
 
-use crate::columns::{columns, columns_of};
+use crate::block::median::medians_3x3;
+use crate::block::plane::{columns, columns_of};
+use crate::block::weights::{BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane};
 use crate::float::reciprocal_sqrt;
-use crate::median::medians_3x3;
-use crate::prepare::{BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane};
 
 /// Pixels around a block that its estimates read: mean radiance, difference, and neighbourhood.
 pub const NOISE_HALO: usize = 1 + 1 + RADIANCE_RADIUS;

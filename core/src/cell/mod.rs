@@ -1,15 +1,22 @@
 //! Cells: build models only where earlier ones do not predict yet (LPR section 5.1), several cells side by side.
 
+mod feature_noise;
+pub(crate) mod feature_space;
+mod fit;
+mod placement;
+mod prediction;
+mod window;
+
 use crate::blend::{LayerTile, Predictions};
-use crate::feature_noise::FeatureNoise;
-use crate::feature_space::{Basis, find_basis};
-use crate::fit::{Coefficients, Models, fit, project_all};
-use crate::literal::{LiteralWindow, set_lane};
+use crate::cell::feature_noise::FeatureNoise;
+use crate::cell::feature_space::{Basis, find_basis};
+use crate::cell::fit::lpr::{LiteralWindow, set_lane};
+use crate::cell::fit::robust::{Coefficients, Models, fit, project_all};
+use crate::cell::placement::Walk;
+use crate::cell::prediction::PredictionWindows;
+use crate::cell::window::Windows;
 use crate::params::{Formulas, Params};
-use crate::prediction::PredictionWindows;
 use crate::tile::{HALO, PixelState, RING_STEPS, TILE, Tile, WINDOW_AREA};
-use crate::walk::Walk;
-use crate::window::Windows;
 
 /// Working memory of `L` cells of `D` features at a time, lent by the caller; its contents carry nothing from one cell
 /// to the next.

@@ -1,13 +1,13 @@
 //! The papers' formulas to the letter, kept as a baseline (LPR Eq. 3 to 7).
 //!
-//! Beside the raw validation error they differ from [`crate::fit`] in weighting every valid pixel alike.
+//! Beside the raw validation error they differ from [`crate::cell::fit::robust`] in weighting every valid pixel alike.
 
-use crate::fit::{Models, term};
+use crate::cell::fit::robust::{Models, term};
+use crate::cell::window::Windows;
+use crate::least_squares::prior::{CHANNELS, Prior};
+use crate::least_squares::rls::Rls;
 use crate::params::Params;
-use crate::prior::{CHANNELS, Prior};
-use crate::rls::Rls;
 use crate::tile::{RADIUS, WINDOW_AREA, window_pixels};
-use crate::window::Windows;
 
 /// One window of several: its pixels as recursive least squares takes them.
 pub(crate) struct LiteralWindow<'a, const D: usize, const L: usize> {

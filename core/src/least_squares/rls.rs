@@ -19,8 +19,8 @@
     reason = "the loops follow the indices of the formulas"
 )]
 
-use crate::dot::{dot, finite_dot};
-use crate::prior::{CHANNELS, Prior};
+use crate::least_squares::dot::{dot, finite_dot};
+use crate::least_squares::prior::{CHANNELS, Prior};
 
 /// Entries of D stay in this range, which keeps P positive definite and finite however long a fit runs: above it
 /// lies a direction that forgetting has emptied of information, below it one that is known beyond f32.

@@ -9,9 +9,9 @@
     reason = "the loops follow the indices of the formulas"
 )]
 
-use crate::columns::columns;
+use crate::block::median::medians_3x3;
+use crate::block::plane::columns;
 use crate::float::{exp2_parts, log2_parts, round_to_u32};
-use crate::median::medians_3x3;
 
 /// Columns of a block: with those around it that the prefilter compares, [`BLOCK_COLUMNS`].
 pub const BLOCK_WIDTH: usize = 41;

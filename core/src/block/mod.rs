@@ -1,0 +1,7 @@
+//! What every pixel costs, before any model: blocks of the image in, weights and filtered features out.
+
+pub(crate) mod estimate_noise;
+mod median;
+mod plane;
+pub(crate) mod prefilter;
+pub(crate) mod weights;
