@@ -89,6 +89,14 @@ impl LayerTile {
         sums: [[0.0; 3]; TILE_AREA],
     };
 
+    /// The radiance at `y * TILE + x`.
+    #[inline(always)]
+    pub(crate) fn colour_at(&self, position: usize) -> [f32; 3] {
+        let colour = self.colour.get(position);
+        debug_assert!(colour.is_some(), "{position} is not in the tile");
+        colour.copied().unwrap_or([0.0; 3])
+    }
+
     /// Forgets the sums.
     pub fn clear(&mut self) {
         self.sums = [[0.0; 3]; TILE_AREA];

@@ -20,16 +20,18 @@ pub use blend::{Denoised, LayerTile, Predictions, Sum, resolve, resolve_layer};
 pub use block::estimate_noise::{
     NOISE_HALO, NoiseBlock, NoisePlane, NoisyBlock, estimate_colour_noise, estimate_feature_noise,
 };
+pub use block::plane::{BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane};
 pub use block::prefilter::{FeatureGroup, FeaturePlane, FilteredGroup, PREFILTER_HALO, prefilter};
-pub use block::weights::{
-    BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane, ColourBlock, ColourPlane, PREPARE_HALO,
-    PreparedBlock, prepare,
-};
+pub use block::weights::{ColourBlock, ColourPlane, PREPARE_HALO, PreparedBlock, prepare};
+pub use cell::denoise_cells;
 pub use cell::feature_space::MAX_TERMS;
-pub use cell::{Cells, Scratch, denoise_cell, denoise_cells};
+pub use cell::lent::{Cells, Scratch};
+pub use cell::one_cell::denoise_cell;
 pub use eigen::SymmetricEigen;
 pub use least_squares::normal_equations::{Gram, NormalEquations, NotFinite, Solution};
-pub use least_squares::prior::{CHANNELS, Prior};
+pub use least_squares::prior::Prior;
 pub use least_squares::rls::{Rls, Taken};
 pub use params::{Formulas, Params, Quality};
-pub use tile::{CELL, HALO, Pixel, PixelState, RADIUS, TILE, TILE_AREA, Tile, WINDOW_AREA};
+pub use tile::{
+    CELL, CHANNELS, HALO, Pixel, PixelState, RADIUS, TILE, TILE_AREA, Tile, WINDOW_AREA,
+};

@@ -13,6 +13,9 @@ pub const TILE_AREA: usize = TILE * TILE;
 /// Pixels of the largest window.
 pub const WINDOW_AREA: usize = (2 * RADIUS + 1) * (2 * RADIUS + 1);
 
+/// Channels of radiance: red, green, blue.
+pub const CHANNELS: usize = 3;
+
 /// What a pixel asks of the cell that holds it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -80,49 +83,7 @@ impl<const D: usize> Tile<D> {
     /// The pixel at `y * TILE + x`, or one outside the image.
     #[inline(always)]
     pub(crate) fn pixel_at(&self, position: usize) -> &Pixel<D> {
+        debug_assert!(position < TILE_AREA, "{position} is not in the tile");
         self.pixels.get(position).unwrap_or(&Pixel::OUTSIDE)
     }
-}
-
-/// Offsets (x, y) from a window's centre, ring after ring: ring r is the entries from (2r-1)^2 to (2r+1)^2.
-pub(crate) const RINGS: [(i8, i8); WINDOW_AREA] = rings();
-
-/// Pixels of the window of half-width `radius`.
-#[inline(always)]
-pub(crate) const fn window_pixels(radius: usize) -> usize {
-    (2 * radius + 1) * (2 * radius + 1)
-}
-
-const fn rings() -> [(i8, i8); WINDOW_AREA] {
-    let mut offsets = [(0i8, 0i8); WINDOW_AREA];
-    let mut next = 1;
-    let mut r = 1i8;
-    while r <= RADIUS as i8 {
-        let mut y = -r;
-        while y <= r {
-            let step = if y == -r || y == r { 1 } else { 2 * r };
-            let mut x = -r;
-            while x <= r {
-                offsets[next] = (x, y);
-                next += 1;
-                x += step;
-            }
-            y += 1;
-        }
-        r += 1;
-    }
-    offsets
-}
-
-/// The same offsets as steps between positions in a tile.
-pub(crate) const RING_STEPS: [isize; WINDOW_AREA] = ring_steps();
-
-const fn ring_steps() -> [isize; WINDOW_AREA] {
-    let mut steps = [0; WINDOW_AREA];
-    let mut i = 0;
-    while i < WINDOW_AREA {
-        steps[i] = RINGS[i].1 as isize * TILE as isize + RINGS[i].0 as isize;
-        i += 1;
-    }
-    steps
 }

@@ -24,8 +24,9 @@
 )]
 
 use crate::block::median::medians_3x3;
-use crate::block::plane::{columns, columns_of};
-use crate::block::weights::{BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane};
+use crate::block::plane::{
+    BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane, columns, columns_of,
+};
 use crate::float::reciprocal_sqrt;
 
 /// Pixels around a block that its estimates read: mean radiance, difference, and neighbourhood.

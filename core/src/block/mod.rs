@@ -2,6 +2,6 @@
 
 pub(crate) mod estimate_noise;
 mod median;
-mod plane;
+pub(crate) mod plane;
 pub(crate) mod prefilter;
 pub(crate) mod weights;

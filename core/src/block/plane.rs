@@ -1,4 +1,16 @@
-//! Runs of columns of a row, whose length the compiler knows: no check for it to prove away, and whole registers to fill.
+//! Blocks of an image: their size, their planes, and runs of columns whose length the compiler knows, so that there is no check for it
+//! to prove away, and whole registers to fill.
+
+/// Columns of a block: with those around it that the prefilter compares, [`BLOCK_COLUMNS`].
+pub const BLOCK_WIDTH: usize = 41;
+/// Rows of a block.
+pub const BLOCK_HEIGHT: usize = 19;
+/// Columns of a block's planes, which fill registers of 4, 8 or 16 floats; those from [`BLOCK_WIDTH`] on hold nothing of use.
+pub const BLOCK_COLUMNS: usize = 48;
+/// A plane of a block.
+pub type BlockPlane = [[f32; BLOCK_COLUMNS]; BLOCK_HEIGHT];
+/// A row of it.
+pub(crate) type BlockRow = [f32; BLOCK_COLUMNS];
 
 /// The `N` columns from `first` on; zeros if they go beyond the row.
 #[inline(always)]

@@ -20,8 +20,9 @@
     reason = "the loops follow the indices of the formulas"
 )]
 
-use crate::block::plane::{columns, columns_of};
-use crate::block::weights::{BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane};
+use crate::block::plane::{
+    BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane, BlockRow, columns, columns_of,
+};
 use crate::float::reciprocal;
 
 /// Half-width of the search.
@@ -58,7 +59,6 @@ const _: () = assert!(BLOCK_WIDTH + SEARCH + 2 * PATCH <= BLOCK_COLUMNS);
 
 /// A plane of a block with its halo; beyond the image, the nearest pixel of the image.
 pub type FeaturePlane = [[f32; INPUT_COLUMNS]; INPUT_HEIGHT];
-type BlockRow = [f32; BLOCK_COLUMNS];
 type SteadyPlane = [[f32; STEADY_COLUMNS]; STEADY_HEIGHT];
 
 /// A group of `N` features that belong together, with their variances.

@@ -10,15 +10,11 @@
 )]
 
 use crate::block::median::medians_3x3;
-use crate::block::plane::columns;
+use crate::block::plane::{
+    BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane, BlockRow, columns,
+};
 use crate::float::{exp2_parts, log2_parts, round_to_u32};
 
-/// Columns of a block: with those around it that the prefilter compares, [`BLOCK_COLUMNS`].
-pub const BLOCK_WIDTH: usize = 41;
-/// Rows of a block.
-pub const BLOCK_HEIGHT: usize = 19;
-/// Columns of a block's planes, which fill registers of 4, 8 or 16 floats; those from [`BLOCK_WIDTH`] on hold nothing of use.
-pub const BLOCK_COLUMNS: usize = 48;
 /// Pixels around a block that its weights read: the level's half-width, and one more for the mean below it.
 pub const PREPARE_HALO: usize = LEVEL_RADIUS + 1;
 
@@ -42,9 +38,6 @@ const _: () = assert!(ColourBlock::WIDTH <= INPUT_COLUMNS);
 
 /// A plane of a block with its halo; beyond the image, the nearest pixel of the image.
 pub type ColourPlane = [[f32; INPUT_COLUMNS]; INPUT_HEIGHT];
-/// A plane of a block.
-pub type BlockPlane = [[f32; BLOCK_COLUMNS]; BLOCK_HEIGHT];
-type BlockRow = [f32; BLOCK_COLUMNS];
 type MeanRow = [f32; MEAN_COLUMNS];
 
 /// What a block's weights are made of.

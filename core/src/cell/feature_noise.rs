@@ -1,5 +1,6 @@
 //! How much noise the features of each window of a cell have kept.
 
+use crate::cell::rings::{Centre, Centres};
 use crate::tile::{CELL, RADIUS, TILE, Tile};
 
 /// Pixels along a window.
@@ -18,10 +19,12 @@ impl<const D: usize> FeatureNoise<D> {
         sums: [[[0.0; D]; CELL]; CELL],
     };
 
-    /// The sums of the window around (x, y) of the cell.
+    /// The sums of the window around `centre`.
     #[inline(always)]
-    pub(crate) fn around(&self, x: usize, y: usize) -> &[f32; D] {
-        let sums = self.sums.get(y).and_then(|row| row.get(x));
+    fn around(&self, centre: Centre) -> &[f32; D] {
+        let row = self.sums.get(usize::from(centre.y));
+        let sums = row.and_then(|row| row.get(usize::from(centre.x)));
+        debug_assert!(sums.is_some(), "{centre:?} is not in a cell");
         sums.unwrap_or(&[0.0; D])
     }
 
@@ -62,6 +65,24 @@ impl<const D: usize> FeatureNoise<D> {
             }
         }
     }
+}
+
+/// The sums of the windows around the centres of several cells; 0 where there is none.
+#[inline(always)]
+pub(crate) fn around<const D: usize, const L: usize>(
+    cells: &[FeatureNoise<D>; L],
+    centres: &Centres<L>,
+) -> [[f32; L]; D] {
+    let mut sums = [[0.0; L]; D];
+    for (lane, (noise, centre)) in cells.iter().zip(centres).enumerate() {
+        let Some(centre) = *centre else { continue };
+        for (all, own) in sums.iter_mut().zip(noise.around(centre)) {
+            if let Some(place) = all.get_mut(lane) {
+                *place = *own;
+            }
+        }
+    }
+    sums
 }
 
 /// Sums of 19 along a row.

@@ -252,3 +252,34 @@ fn keep_strongest<const D: usize, const L: usize>(
         }
     }
 }
+
+/// Replaces the features of all pixels by local ones, where no fit does.
+#[inline(always)]
+pub(crate) fn project_all<const T: usize, const D: usize, const L: usize>(
+    windows: &mut Windows<D, L>,
+    basis: &Basis<D, L>,
+) {
+    for features in &mut windows.features {
+        project::<T, D, L>(features, basis);
+        lanes_stay_innermost();
+    }
+}
+
+/// Replaces a pixel's features by the local ones that `T` terms need.
+#[inline(always)]
+pub(crate) fn project<const T: usize, const D: usize, const L: usize>(
+    features: &mut [[f32; L]; D],
+    basis: &Basis<D, L>,
+) {
+    let mut local = Aligned([[0.0; L]; D]);
+    add_products::<f32, D, D, L>(
+        &mut local.0,
+        0..(T - 1).min(D),
+        |j| &features[j],
+        |j| &basis.axes[j],
+    );
+    for k in 0..D {
+        features[k] = local.0[k];
+        lanes_stay_innermost();
+    }
+}

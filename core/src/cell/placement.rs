@@ -1,6 +1,8 @@
 //! Where a cell's models go: centres ever closer together, each unless enough models predict it already.
 
-use crate::tile::{CELL, WINDOW_AREA};
+use crate::cell::rings::Centre;
+use crate::params::Formulas;
+use crate::tile::{CELL, PixelState, Tile, WINDOW_AREA};
 
 /// Granularity of each pass: centres are this far apart (LPR section 5.1: 19, then halved).
 const PASSES: [usize; 5] = [19, 9, 4, 2, 1];
@@ -17,9 +19,9 @@ const CENTRES: usize = {
     centres
 };
 
-/// (x, y) of the centres in the cell, pass after pass, each in raster order.
-const ORDER: [(u8, u8); CENTRES] = {
-    let mut order = [(0, 0); CENTRES];
+/// The centres in the cell, pass after pass, each in raster order.
+const ORDER: [Centre; CENTRES] = {
+    let mut order = [Centre { x: 0, y: 0 }; CENTRES];
     let (mut next, mut pass) = (0, 0);
     while pass < PASSES.len() {
         let granularity = PASSES[pass];
@@ -27,7 +29,10 @@ const ORDER: [(u8, u8); CENTRES] = {
         while y < CELL {
             let mut x = granularity / 2;
             while x < CELL {
-                order[next] = (x as u8, y as u8);
+                order[next] = Centre {
+                    x: x as u8,
+                    y: y as u8,
+                };
                 next += 1;
                 x += granularity;
             }
@@ -39,10 +44,10 @@ const ORDER: [(u8, u8); CENTRES] = {
 };
 
 /// How far a cell has come.
-pub(crate) struct Walk {
+pub(crate) struct Placement {
     /// Of `ORDER`.
     next: usize,
-    centre: (u8, u8),
+    centre: Centre,
     models: u32,
     /// Models that predict each pixel.
     coverage: [[u16; CELL]; CELL],
@@ -51,63 +56,51 @@ pub(crate) struct Walk {
     under_way: bool,
 }
 
-impl Walk {
+impl Placement {
     /// No cell.
     pub(crate) const ENDED: Self = Self {
-        under_way: false,
-        ..Self::START
-    };
-
-    /// A cell without models.
-    pub(crate) const START: Self = Self {
-        next: 0,
-        centre: (0, 0),
+        next: CENTRES,
+        centre: Centre { x: 0, y: 0 },
         models: 0,
         coverage: [[0; CELL]; CELL],
         built: [0; CELL],
-        under_way: true,
+        under_way: false,
     };
 
-    /// Whether there is a cell.
-    pub(crate) fn under_way(&self) -> bool {
-        self.under_way
-    }
-
-    /// Models that the cell has taken.
-    pub(crate) fn models(&self) -> u32 {
-        self.models
-    }
-
-    /// The next centre in need of a model, or the end of the cell.
+    /// Begins a cell, without models.
     #[inline(always)]
-    pub(crate) fn next(
-        &mut self,
-        coverage: u16,
-        open: impl Fn(usize, usize) -> bool,
-    ) -> Option<(usize, usize)> {
+    pub(crate) fn start(&mut self) {
+        *self = Self {
+            next: 0,
+            under_way: true,
+            ..Self::ENDED
+        };
+    }
+
+    /// The next centre in need of a model; none at the end of the cell.
+    #[inline(always)]
+    pub(crate) fn next(&mut self, coverage: u16, open: impl Fn(Centre) -> bool) -> Option<Centre> {
         let wanted = coverage.clamp(1, WINDOW_AREA as u16);
-        for &(column, row) in ORDER.iter().skip(self.next) {
+        for &centre in ORDER.iter().skip(self.next) {
             self.next += 1;
-            let (x, y) = (usize::from(column), usize::from(row));
+            let (x, y) = (usize::from(centre.x), usize::from(centre.y));
             let covered = self.coverage.get(y).and_then(|row| row.get(x));
-            let Some(built) = self.built.get_mut(y) else {
-                break;
-            };
+            let built = self.built.get_mut(y)?;
             let wanting = covered.is_some_and(|models| *models < wanted);
-            if wanting && *built & (1 << x) == 0 && open(x, y) {
+            if wanting && *built & (1 << x) == 0 && open(centre) {
                 *built |= 1 << x;
-                self.centre = (column, row);
+                self.centre = centre;
                 self.models += 1;
-                return Some((x, y));
+                return Some(centre);
             }
         }
-        self.under_way = false;
         None
     }
 
-    /// The centre that [`next`](Self::next) gave.
-    pub(crate) fn centre(&self) -> (usize, usize) {
-        (usize::from(self.centre.0), usize::from(self.centre.1))
+    /// Ends the cell: the models that it has taken, or none if it had ended before.
+    #[inline(always)]
+    pub(crate) fn finish(&mut self) -> Option<u32> {
+        core::mem::take(&mut self.under_way).then_some(self.models)
     }
 
     /// Counts the prediction window of the model at the centre that [`next`](Self::next) gave.
@@ -116,7 +109,7 @@ impl Walk {
         if !self.under_way {
             return;
         }
-        let (x, y) = self.centre();
+        let (x, y) = (usize::from(self.centre.x), usize::from(self.centre.y));
         let rows = self.coverage.iter_mut().take(y + radius + 1);
         for row in rows.skip(y.saturating_sub(radius)) {
             let pixels = row.iter_mut().take(x + radius + 1);
@@ -124,5 +117,19 @@ impl Walk {
                 *count += 1;
             }
         }
+    }
+}
+
+/// Whether the pixel needs a model at all.
+#[inline(always)]
+pub(crate) fn wants_model<const D: usize>(
+    tile: &Tile<D>,
+    centre: Centre,
+    formulas: Formulas,
+) -> bool {
+    match tile.pixel_at(centre.position()).state {
+        PixelState::Outside => false,
+        PixelState::Clean => formulas == Formulas::Literal,
+        PixelState::Noisy | PixelState::Bad => true,
     }
 }

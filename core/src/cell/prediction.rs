@@ -6,11 +6,12 @@
 )]
 
 use crate::blend::{ERROR_SOFTENING, LayerTile, Predictions, Sum, reliability};
-use crate::cell::fit::robust::{Coefficients, Models, evaluate};
+use crate::cell::model::{Coefficients, Models, evaluate};
+use crate::cell::rings::{Centre, RING_STEPS, RINGS, window_pixels};
 use crate::cell::window::{Sample, Windows};
 use crate::lanes::lanes_stay_innermost;
 use crate::params::Formulas;
-use crate::tile::{RADIUS, RING_STEPS, RINGS, WINDOW_AREA, window_pixels};
+use crate::tile::{RADIUS, WINDOW_AREA};
 
 /// Squared distance, in units of a pixel's tolerance, at which a prediction that the pixel itself speaks against loses
 /// half its weight (measured: 1.5^2; the one remedy for dark pixels beside bright ones).
@@ -54,6 +55,27 @@ const fn raster() -> [usize; WINDOW_AREA] {
         i += 1;
     }
     positions
+}
+
+/// What all predictions of a model have in common.
+struct Common<const L: usize> {
+    /// Squared distances of [`WINDOW_SHARE`] pixels that are as those of the window are on average.
+    expected: [f32; L],
+    /// Part of its confidence that a prediction loses, per ring squared.
+    edge_loss: [f32; L],
+    /// The fit's own variance, in units of the pixels': on average over its window, its terms' share of the noise.
+    fit_variance: [f32; L],
+    /// A squared distance of 1 in the window's unit, as radiance squared, mean over the channels.
+    per_channel: [f32; L],
+}
+
+/// The ring of pixel `i` of a window.
+#[inline(always)]
+fn ring_of(i: usize) -> f32 {
+    let offset = RINGS.get(i);
+    debug_assert!(offset.is_some(), "{i} is not in the window");
+    let (column, row) = offset.copied().unwrap_or((0, 0));
+    f32::from(column.unsigned_abs().max(row.unsigned_abs()))
 }
 
 /// The predictions of the models of `L` windows, ring after ring, and their weights.
@@ -117,7 +139,8 @@ impl<const L: usize> PredictionWindows<L> {
             }
             lanes_stay_innermost();
         }
-        self.weigh(models, windows, formulas, widest);
+        let common = self.common(models, windows);
+        self.weigh(&common, &windows.samples, formulas, widest);
     }
 
     /// Compares a prediction of each model with its pixel; `pixels` of each window are predicted.
@@ -161,41 +184,17 @@ impl<const L: usize> PredictionWindows<L> {
         }
     }
 
-    /// Weights of the predictions by how well the model does around each, and their estimated errors.
+    /// Confidences of the predictions by how well the model does around each, and their estimated errors.
     #[inline(always)]
-    fn weigh<const T: usize, const D: usize>(
+    fn weigh(
         &mut self,
-        models: &Models<T, L>,
-        windows: &Windows<D, L>,
+        common: &Common<L>,
+        samples: &[Sample<L>; WINDOW_AREA],
         formulas: Formulas,
         widest: usize,
     ) {
-        let mut fit_variance = [0.0; L];
-        let mut per_channel = [0.0; L];
-        let (mut loss, mut expected) = ([0.0; L], [0.0; L]);
-        for l in 0..L {
-            // 0 / 0 in a window without a pixel to judge by.
-            let mean = self.total[l] / self.pixels[l];
-            expected[l] = if self.pixels[l] > 0.0 {
-                WINDOW_SHARE * mean
-            } else {
-                0.0
-            };
-            let beyond = (models.radius[l] + 1) as f32;
-            loss[l] = EDGE_LOSS / (beyond * beyond);
-            // The fit's own variance is, on average over its window, its terms' share of the noise.
-            let pixels = window_pixels(models.radius[l]) as f32;
-            fit_variance[l] = (models.terms[l] as f32 / pixels).min(1.0);
-            let per_radiance = windows.per_radiance[l];
-            per_channel[l] = 1.0 / (per_radiance * per_radiance) / 3.0;
-        }
-        for (i, sample) in windows
-            .samples
-            .iter()
-            .enumerate()
-            .take(window_pixels(widest))
-        {
-            let bias = self.local_error(i, &expected);
+        for (i, sample) in samples.iter().enumerate().take(window_pixels(widest)) {
+            let bias = self.local_error(i, &common.expected);
             let (Some(weight), Some(error), Some(colour)) = (
                 self.weight.get_mut(i),
                 self.error.get_mut(i),
@@ -203,17 +202,17 @@ impl<const L: usize> PredictionWindows<L> {
             ) else {
                 return;
             };
-            let (column, row) = RINGS.get(i).copied().unwrap_or((0, 0));
-            let ring = f32::from(column.unsigned_abs().max(row.unsigned_abs()));
+            let ring = ring_of(i);
             for l in 0..L {
                 let own = match formulas {
                     Formulas::Robust => {
-                        let share = 1.0 - loss[l] * ring * ring;
+                        let share = 1.0 - common.edge_loss[l] * ring * ring;
                         weight[l] * share * reliability(bias[l] + ERROR_SOFTENING)
                     }
                     Formulas::Literal => 1.0,
                 };
-                let squared = (bias[l] + fit_variance[l]) * sample.variance[l] * per_channel[l];
+                let squared =
+                    (bias[l] + common.fit_variance[l]) * sample.variance[l] * common.per_channel[l];
                 let (r, g, b) = (colour[0][l] * own, colour[1][l] * own, colour[2][l] * own);
                 let squared = squared * own;
                 // Not a number, too, where two of them are infinite.
@@ -228,11 +227,44 @@ impl<const L: usize> PredictionWindows<L> {
         }
     }
 
+    /// What all predictions of each model have in common, once they are compared with their pixels.
+    #[inline(always)]
+    fn common<const T: usize, const D: usize>(
+        &self,
+        models: &Models<T, L>,
+        windows: &Windows<D, L>,
+    ) -> Common<L> {
+        let mut common = Common {
+            expected: [0.0; L],
+            edge_loss: [0.0; L],
+            fit_variance: [0.0; L],
+            per_channel: [0.0; L],
+        };
+        for l in 0..L {
+            // 0 / 0 in a window without a pixel to judge by.
+            let mean = self.total[l] / self.pixels[l];
+            common.expected[l] = if self.pixels[l] > 0.0 {
+                WINDOW_SHARE * mean
+            } else {
+                0.0
+            };
+            let beyond = (models.radius[l] + 1) as f32;
+            common.edge_loss[l] = EDGE_LOSS / (beyond * beyond);
+            let pixels = window_pixels(models.radius[l]) as f32;
+            common.fit_variance[l] = (models.terms[l] as f32 / pixels).min(1.0);
+            let per_radiance = windows.per_radiance[l];
+            common.per_channel[l] = 1.0 / (per_radiance * per_radiance) / 3.0;
+        }
+        common
+    }
+
     /// Squared error without the noise, in units of the pixel's variance: the mean over the 3 x 3 pixels around and [`WINDOW_SHARE`] pixels
     /// that are as the window is on average, `expected` in all, less 1.
     #[inline(always)]
     fn local_error(&self, i: usize, expected: &[f32; L]) -> [f32; L] {
-        let centre = RASTER.get(i).copied().unwrap_or(0);
+        let centre = RASTER.get(i);
+        debug_assert!(centre.is_some(), "{i} is not in the window");
+        let centre = centre.copied().unwrap_or(0);
         let (mut sum, mut count) = (*expected, [WINDOW_SHARE; L]);
         for row in 0..3 {
             let from = (centre + row * SIDE).wrapping_sub(SIDE + 1);
@@ -253,12 +285,12 @@ impl<const L: usize> PredictionWindows<L> {
         error
     }
 
-    /// Adds the predictions of lane `l` to its cell's, around the centre's position in the tile.
+    /// Adds the predictions of lane `l`, around `centre`, to its cell's.
     #[inline(always)]
     pub(crate) fn add_to<const T: usize>(
         &self,
         l: usize,
-        centre: usize,
+        centre: Centre,
         models: &Models<T, L>,
         predictions: &mut Predictions,
     ) {
@@ -266,6 +298,7 @@ impl<const L: usize> PredictionWindows<L> {
             return;
         };
         let rank = (terms - 1) as f32;
+        let centre = centre.position();
         let own = self.colour.iter().zip(&self.weight).zip(&self.error);
         for (((colour, weight), error), &step) in own.zip(&RING_STEPS).take(window_pixels(radius)) {
             let (Some(sum), Some(&weight), Some(&error)) = (
@@ -304,10 +337,14 @@ impl<const L: usize> PredictionWindows<L> {
     pub(crate) fn add_layer_to(
         &self,
         l: usize,
-        centre: usize,
-        radius: usize,
+        centre: Centre,
+        radius: &[usize; L],
         layer: &mut LayerTile,
     ) {
+        let Some(&radius) = radius.get(l) else {
+            return;
+        };
+        let centre = centre.position();
         let own = self.colour.iter().zip(&self.weight).zip(&RING_STEPS);
         for ((colour, weight), &step) in own.take(window_pixels(radius)) {
             let (Some(sum), Some(&weight)) = (

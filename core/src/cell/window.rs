@@ -5,11 +5,12 @@
     reason = "the loops follow the indices of the formulas"
 )]
 
+use crate::cell::rings::{Centre, Centres, RINGS};
 use crate::float::sqrt;
 use crate::lanes::lanes_stay_innermost;
-use crate::tile::{Pixel, RADIUS, RINGS, TILE, Tile, WINDOW_AREA};
+use crate::tile::{Pixel, RADIUS, TILE, Tile, WINDOW_AREA};
 
-/// A pixel of each window. Once [`Windows::in_own_unit`] has been called, radiance is in each window's own unit.
+/// A pixel of each window, its radiance in the window's own unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sample<const L: usize> {
     pub(crate) colour: [[f32; L]; 3],
@@ -74,13 +75,10 @@ impl<const D: usize, const L: usize> Windows<D, L> {
         live: [false; L],
     };
 
-    /// Reads the window around each centre (its position in the tile); a lane without one has no valid pixel.
+    /// Reads the window around each centre; a lane without one has no valid pixel.
     #[inline(always)]
-    pub(crate) fn read(
-        &mut self,
-        tiles: &[&Tile<D>; L],
-        centres: &[Option<usize>; L],
-    ) -> Extent<D, L> {
+    pub(crate) fn read(&mut self, tiles: &[&Tile<D>; L], centres: &Centres<L>) -> Extent<D, L> {
+        let positions = centres.map(|centre| centre.map(Centre::position));
         let mut extent = Extent {
             pixels: [0.0; L],
             low: [[f32::MAX; L]; D],
@@ -98,8 +96,8 @@ impl<const D: usize, const L: usize> Windows<D, L> {
                 };
                 let mut pixels = [const { &Pixel::OUTSIDE }; L];
                 for l in 0..L {
-                    pixels[l] = match centres[l] {
-                        Some(centre) => tiles[l].pixel_at(centre.wrapping_add_signed(step)),
+                    pixels[l] = match positions[l] {
+                        Some(position) => tiles[l].pixel_at(position.wrapping_add_signed(step)),
                         None => &Pixel::OUTSIDE,
                     };
                 }
@@ -113,12 +111,13 @@ impl<const D: usize, const L: usize> Windows<D, L> {
                 lanes_stay_innermost();
             }
         }
+        self.use_own_unit(&extent.weight);
         extent
     }
 
     /// Brings radiance to the unit in which the largest weight is 1, so that no exposure overflows.
     #[inline(always)]
-    pub(crate) fn in_own_unit(&mut self, largest_weight: &[f32; L]) {
+    fn use_own_unit(&mut self, largest_weight: &[f32; L]) {
         let mut per_radiance = [1.0; L];
         let mut largest = [1.0; L];
         for l in 0..L {

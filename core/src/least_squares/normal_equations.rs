@@ -10,7 +10,7 @@
 //! the features is k^2 here, and f32 sums miss the accuracy this crate promises from k = 100 on, and are indefinite
 //! from 10^4 (the stability study in the tests package has the figures). The product of two floats is exact in f64.
 //!
-//! One model at a time, for whoever wants the fit alone; cells fit several with the same code (`equations.rs`).
+//! One model at a time, for whoever wants the fit alone; cells fit several with the same code (`sums.rs`, `factor.rs`).
 
 #![expect(
     clippy::needless_range_loop,
@@ -19,8 +19,10 @@
 
 use crate::float::{ln_f64, saturate, sqrt_f64};
 use crate::least_squares::dot::finite_dot;
-use crate::least_squares::prior::{CHANNELS, Prior};
-use crate::least_squares::sums::{Chunk, Equations, Factor};
+use crate::least_squares::factor::Factor;
+use crate::least_squares::prior::Prior;
+use crate::least_squares::sums::{Chunk, Equations};
+use crate::tile::CHANNELS;
 
 /// A sum was not finite, because a regressor, radiance, weight or the prior was not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

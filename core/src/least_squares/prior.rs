@@ -1,7 +1,6 @@
 //! What a linear model is before it has seen a pixel.
 
-/// Radiance channels fitted on one set of regressors.
-pub const CHANNELS: usize = 3;
+use crate::tile::CHANNELS;
 
 /// Coefficients that a fit is pulled to, and how strongly: the `delta |beta - beta(0)|^2` of LPR Eq. 3, with a `delta` per term.
 ///

@@ -20,7 +20,8 @@
 )]
 
 use crate::least_squares::dot::{dot, finite_dot};
-use crate::least_squares::prior::{CHANNELS, Prior};
+use crate::least_squares::prior::Prior;
+use crate::tile::CHANNELS;
 
 /// Entries of D stay in this range, which keeps P positive definite and finite however long a fit runs: above it
 /// lies a direction that forgetting has emptied of information, below it one that is known beyond f32.

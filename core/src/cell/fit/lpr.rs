@@ -2,25 +2,104 @@
 //!
 //! Beside the raw validation error they differ from [`crate::cell::fit::robust`] in weighting every valid pixel alike.
 
-use crate::cell::fit::robust::{Models, term};
+use crate::cell::feature_space::{Basis, project_all};
+use crate::cell::fit::Fit;
+use crate::cell::model::{Coefficients, Models, regressor, set_lane};
+use crate::cell::rings::window_pixels;
 use crate::cell::window::Windows;
-use crate::least_squares::prior::{CHANNELS, Prior};
+use crate::least_squares::prior::Prior;
 use crate::least_squares::rls::Rls;
 use crate::params::Params;
-use crate::tile::{RADIUS, WINDOW_AREA, window_pixels};
+use crate::tile::{CHANNELS, RADIUS, WINDOW_AREA};
+
+/// Recursive least squares, one window after the other, with one prior for all of them.
+pub(crate) struct Lpr {
+    intercept_strength: f32,
+    gradient_strength: f32,
+}
+
+impl<const T: usize, const D: usize, const L: usize> Fit<T, D, L> for Lpr {
+    #[inline(always)]
+    fn fit(
+        windows: &mut Windows<D, L>,
+        basis: &Basis<D, L>,
+        params: &Params,
+        _: bool,
+    ) -> (Models<T, L>, Self) {
+        let lpr = Self {
+            intercept_strength: params.intercept_strength,
+            gradient_strength: params.gradient_strength,
+        };
+        project_all::<T, D, L>(windows, basis);
+        let [centre, ..] = &windows.samples;
+        let mut models = Models::of_centres(centre);
+        models.terms = basis.rank.map(|rank| rank + 1);
+        for lane in 0..L {
+            let window = Window { windows, lane };
+            window.fit(
+                lpr.model_of_centre(centre.colour.each_ref().map(|v| window.own(v))),
+                &mut models,
+            );
+        }
+        (models, lpr)
+    }
+
+    #[inline(always)]
+    fn fit_layer(
+        &self,
+        windows: &Windows<D, L>,
+        radius: &[usize; L],
+        layer: &[[[f32; L]; CHANNELS]; WINDOW_AREA],
+    ) -> Coefficients<T, L> {
+        let mut coefficients = [[[0.0; L]; T]; CHANNELS];
+        for (lane, &radius) in radius.iter().enumerate() {
+            let window = Window { windows, lane };
+            let centre = self.model_of_centre(window.colour(layer, 0));
+            let fitted = window.fit_layer(centre, layer, radius);
+            set_lane(&mut coefficients, lane, fitted.coefficients());
+        }
+        coefficients
+    }
+}
+
+impl Lpr {
+    /// The model before its first pixel (LPR Eq. 3): the centre's radiance and no gradients.
+    #[inline(always)]
+    fn model_of_centre<const T: usize>(&self, radiance: [f32; CHANNELS]) -> Rls<T> {
+        Rls::new(&Prior::at_centre(
+            &radiance,
+            self.intercept_strength,
+            self.gradient_strength,
+        ))
+    }
+}
 
 /// One window of several: its pixels as recursive least squares takes them.
-pub(crate) struct LiteralWindow<'a, const D: usize, const L: usize> {
+struct Window<'a, const D: usize, const L: usize> {
     windows: &'a Windows<D, L>,
     lane: usize,
 }
 
-impl<'a, const D: usize, const L: usize> LiteralWindow<'a, D, L> {
-    pub(crate) fn new(windows: &'a Windows<D, L>, lane: usize) -> Self {
-        Self { windows, lane }
+impl<const D: usize, const L: usize> Window<'_, D, L> {
+    /// Its lane of several values.
+    #[inline(always)]
+    fn own(&self, values: &[f32; L]) -> f32 {
+        let value = values.get(self.lane);
+        debug_assert!(value.is_some(), "there is no lane {}", self.lane);
+        value.copied().unwrap_or(0.0)
     }
 
-    /// Regressors and radiance of the valid pixels `from..to`.
+    /// A layer's radiance at pixel `i`.
+    #[inline(always)]
+    fn colour(&self, layer: &[[[f32; L]; CHANNELS]; WINDOW_AREA], i: usize) -> [f32; CHANNELS] {
+        let colour = layer.get(i);
+        debug_assert!(colour.is_some(), "{i} is not in the window");
+        colour.map_or([0.0; CHANNELS], |colour| {
+            colour.each_ref().map(|v| self.own(v))
+        })
+    }
+
+    /// Position, regressors and radiance of the valid pixels `from..to`.
     #[inline(always)]
     fn pixels<const T: usize>(
         &self,
@@ -29,22 +108,16 @@ impl<'a, const D: usize, const L: usize> LiteralWindow<'a, D, L> {
     ) -> impl Iterator<Item = (usize, [f32; T], [f32; CHANNELS])> {
         let pixels = self.windows.features.iter().zip(&self.windows.samples);
         let pixels = pixels.enumerate().take(to).skip(from);
-        let of_lane = |values: &[f32; L]| values.get(self.lane).copied().unwrap_or(0.0);
-        pixels.filter_map(move |(i, (features, sample))| {
-            let regressors = core::array::from_fn(|t| of_lane(term(features, t)));
-            let colour = sample.colour.each_ref().map(of_lane);
-            (of_lane(&sample.weight) > 0.0).then_some((i, regressors, colour))
+        pixels.filter_map(|(i, (features, sample))| {
+            let regressors = core::array::from_fn(|t| self.own(regressor(features, t)));
+            let colour = sample.colour.each_ref().map(|v| self.own(v));
+            (self.own(&sample.weight) > 0.0).then_some((i, regressors, colour))
         })
     }
 
-    /// Fits the window on `T` terms by recursive least squares, into its lane of `models`.
+    /// Fits the window on `T` terms ring by ring, into its lane of `models` where the risk is less than what is there.
     #[inline(always)]
-    pub(crate) fn fit<const T: usize>(&self, params: &Params, models: &mut Models<T, L>) {
-        let [centre, ..] = &self.windows.samples;
-        let centre = centre.colour.each_ref();
-        let colour = centre.map(|v| v.get(self.lane).copied().unwrap_or(0.0));
-        let prior = Prior::at_centre(&colour, params.intercept_strength, params.gradient_strength);
-        let mut rls = Rls::<T>::new(&prior);
+    fn fit<const T: usize>(&self, mut rls: Rls<T>, models: &mut Models<T, L>) {
         self.take_in(&mut rls, 0, 1);
         let mut accumulated = 0.0;
         for radius in 1..=RADIUS {
@@ -60,69 +133,52 @@ impl<'a, const D: usize, const L: usize> LiteralWindow<'a, D, L> {
                 // Nothing has been tested yet: a sum over no pixels is no estimate.
                 continue;
             }
-            let risk = accumulated / outer as f32;
-            if models
-                .risk
-                .get(self.lane)
-                .is_some_and(|least| risk < *least)
-            {
-                self.choose(radius, risk, rls.coefficients(), models);
-            }
+            self.choose(radius, accumulated / outer as f32, &rls, models);
         }
     }
 
+    /// Keeps the model if its risk is the least so far.
     #[inline(always)]
     fn choose<const T: usize>(
         &self,
         radius: usize,
         risk: f32,
-        coefficients: &[[f32; T]; CHANNELS],
+        rls: &Rls<T>,
         models: &mut Models<T, L>,
     ) {
         if let (Some(least), Some(own)) = (
             models.risk.get_mut(self.lane),
             models.radius.get_mut(self.lane),
-        ) {
+        ) && risk < *least
+        {
             *least = risk;
             *own = radius;
+            set_lane(&mut models.coefficients, self.lane, rls.coefficients());
         }
-        set_lane(&mut models.coefficients, self.lane, coefficients);
     }
 
-    /// The coefficients of a layer's channels, in the way of a model of half-width `radius`.
+    /// Fits a layer in the way of a model of half-width `radius`.
     #[inline(always)]
-    pub(crate) fn follow<const T: usize>(
+    fn fit_layer<const T: usize>(
         &self,
+        mut rls: Rls<T>,
         layer: &[[[f32; L]; CHANNELS]; WINDOW_AREA],
         radius: usize,
-        params: &Params,
-    ) -> [[f32; T]; CHANNELS] {
-        let colour_at = |i: usize| {
-            let colour = layer.get(i).map(|colour| colour.each_ref());
-            colour.map_or([0.0; CHANNELS], |colour| {
-                colour.map(|v| v.get(self.lane).copied().unwrap_or(0.0))
-            })
-        };
-        let prior = Prior::at_centre(
-            &colour_at(0),
-            params.intercept_strength,
-            params.gradient_strength,
-        );
-        let mut rls = Rls::<T>::new(&prior);
+    ) -> Rls<T> {
         if radius > 0 {
-            for (i, terms, _) in self.pixels::<T>(0, window_pixels(radius)) {
+            for (i, regressors, _) in self.pixels(0, window_pixels(radius)) {
                 // An update that is refused leaves the model as it was.
-                let _ = rls.update(&terms, &colour_at(i), 1.0);
+                let _ = rls.update(&regressors, &self.colour(layer, i), 1.0);
             }
         }
-        *rls.coefficients()
+        rls
     }
 
     #[inline(always)]
     fn take_in<const T: usize>(&self, rls: &mut Rls<T>, from: usize, to: usize) {
-        for (_, terms, colour) in self.pixels(from, to) {
-            // An update that is refused leaves the model as it was.
-            let _ = rls.update(&terms, &colour, 1.0);
+        for (_, regressors, colour) in self.pixels(from, to) {
+            // As above.
+            let _ = rls.update(&regressors, &colour, 1.0);
         }
     }
 
@@ -130,8 +186,8 @@ impl<'a, const D: usize, const L: usize> LiteralWindow<'a, D, L> {
     #[inline(always)]
     fn test<const T: usize>(&self, rls: &Rls<T>, from: usize, to: usize) -> f32 {
         let mut sum = 0.0;
-        for (_, terms, colour) in self.pixels(from, to) {
-            for (prediction, y) in rls.predict(&terms).iter().zip(&colour) {
+        for (_, regressors, colour) in self.pixels(from, to) {
+            for (prediction, y) in rls.predict(&regressors).iter().zip(&colour) {
                 sum += (prediction - y) * (prediction - y);
             }
         }
@@ -142,30 +198,14 @@ impl<'a, const D: usize, const L: usize> LiteralWindow<'a, D, L> {
     #[inline(always)]
     fn leave_one_out<const T: usize>(&self, rls: &Rls<T>) -> f32 {
         let mut sum = 0.0;
-        for (_, terms, colour) in self.pixels(0, window_pixels(1)) {
+        for (_, regressors, colour) in self.pixels(0, window_pixels(1)) {
             // The floor is rounding: a pixel that determines the model alone has a left-out error without bound.
-            let remaining = (1.0 - rls.leverage(&terms)).max(f32::EPSILON);
-            for (prediction, y) in rls.predict(&terms).iter().zip(&colour) {
+            let remaining = (1.0 - rls.leverage(&regressors)).max(f32::EPSILON);
+            for (prediction, y) in rls.predict(&regressors).iter().zip(&colour) {
                 let error = (prediction - y) / remaining;
                 sum += error * error;
             }
         }
         sum
-    }
-}
-
-/// Writes one lane's coefficients.
-#[inline(always)]
-pub(crate) fn set_lane<const T: usize, const L: usize>(
-    all: &mut [[[f32; L]; T]; CHANNELS],
-    lane: usize,
-    coefficients: &[[f32; T]; CHANNELS],
-) {
-    for (all, coefficients) in all.iter_mut().zip(coefficients) {
-        for (all, &value) in all.iter_mut().zip(coefficients) {
-            if let Some(place) = all.get_mut(lane) {
-                *place = value;
-            }
-        }
     }
 }

@@ -2,3 +2,29 @@
 
 pub(crate) mod lpr;
 pub(crate) mod robust;
+
+use crate::cell::feature_space::Basis;
+use crate::cell::model::{Coefficients, Models};
+use crate::cell::window::Windows;
+use crate::params::Params;
+use crate::tile::{CHANNELS, WINDOW_AREA};
+
+/// How windows become models of at most `T` terms, and what it takes to fit layers in the way of the models.
+pub(crate) trait Fit<const T: usize, const D: usize, const L: usize>: Sized {
+    /// Fits each window on the first `T` of its terms, and leaves the local features in the windows. Unless `layers` follow, the
+    /// second may be empty.
+    fn fit(
+        windows: &mut Windows<D, L>,
+        basis: &Basis<D, L>,
+        params: &Params,
+        layers: bool,
+    ) -> (Models<T, L>, Self);
+
+    /// The coefficients of a layer's channels, from its radiance in the windows: same half-widths, weights and strengths.
+    fn fit_layer(
+        &self,
+        windows: &Windows<D, L>,
+        radius: &[usize; L],
+        layer: &[[[f32; L]; CHANNELS]; WINDOW_AREA],
+    ) -> Coefficients<T, L>;
+}

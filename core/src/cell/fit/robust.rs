@@ -1,4 +1,4 @@
-//! The model of one window: fitted ring by ring, and stopped where its risk is least (LPR section 4).
+//! Weighted fits, ring by ring; of each window the one whose risk is least is kept (LPR section 4).
 //!
 //! Against the papers' formulas (see [`crate::cell::fit::lpr`]):
 //!
@@ -15,14 +15,17 @@
     reason = "the loops follow the indices of the formulas"
 )]
 
-use crate::cell::feature_space::Basis;
+use crate::cell::feature_space::{Basis, project};
+use crate::cell::fit::Fit;
+use crate::cell::model::{Coefficients, Models, constant, copy_lane, regressor, squared_distance};
+use crate::cell::rings::window_pixels;
 use crate::cell::window::{Sample, Windows};
 use crate::float::saturate;
-use crate::lanes::{Aligned, add_products, lanes_stay_innermost};
-use crate::least_squares::prior::CHANNELS;
-use crate::least_squares::sums::{Chunk, Equations, Factor, about};
+use crate::lanes::{Aligned, lanes_stay_innermost};
+use crate::least_squares::factor::Factor;
+use crate::least_squares::sums::{Chunk, Equations, about};
 use crate::params::Params;
-use crate::tile::{RADIUS, WINDOW_AREA, window_pixels};
+use crate::tile::{CHANNELS, RADIUS, WINDOW_AREA};
 
 /// No risk is below this part of the fit's own variance (measured: 0.3 to 0.6 alike; without, gloss suffers).
 const RISK_FLOOR: f32 = 0.3;
@@ -33,41 +36,6 @@ const FIRST_TEST_RING: usize = 3;
 /// Squared length of the local features at which a pixel has half its weight; a feature's range in the window is 2 long (measured: 2 to
 /// 10 alike).
 const HALF_WEIGHT: f32 = 5.0;
-
-/// Coefficients of each channel, in the window's unit of radiance; 0 beyond a lane's terms.
-pub(crate) type Coefficients<const T: usize, const L: usize> = [[[f32; L]; T]; CHANNELS];
-
-/// Fitted models and how far they predict, in the windows' units of radiance.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(C, align(64))]
-pub(crate) struct Models<const T: usize, const L: usize> {
-    pub(crate) coefficients: Coefficients<T, L>,
-    /// Estimated mean squared error over the prediction window, by which the radius was chosen.
-    pub(crate) risk: [f32; L],
-    /// Half-width of the prediction window.
-    pub(crate) radius: [usize; L],
-    /// Terms of the fit: rank + 1.
-    pub(crate) terms: [usize; L],
-}
-
-impl<const T: usize, const L: usize> Models<T, L> {
-    /// The centres themselves, as models of r = 0: their risk is their variance (LPR section 4.2).
-    #[inline(always)]
-    pub(crate) fn of_centres(centre: &Sample<L>) -> Self {
-        let mut risk = [f32::MAX; L];
-        for l in 0..L {
-            if centre.weight[l] > 0.0 {
-                risk[l] = centre.variance[l];
-            }
-        }
-        Self {
-            coefficients: constant(&centre.colour),
-            risk,
-            radius: [0; L],
-            terms: [1; L],
-        }
-    }
-}
 
 /// What it takes to fit more channels in the way of the models.
 #[repr(C, align(64))]
@@ -92,14 +60,51 @@ impl<const T: usize, const L: usize> Systems<T, L> {
             self.factor.inverse[i][lane] = factor.inverse[i][lane];
         }
     }
+}
 
-    /// The coefficients of a layer's channels: same windows, same weights, same strengths.
+impl<const T: usize, const D: usize, const L: usize> Fit<T, D, L> for Systems<T, L> {
     #[inline(always)]
-    pub(crate) fn follow<const D: usize>(
+    fn fit(
+        windows: &mut Windows<D, L>,
+        basis: &Basis<D, L>,
+        params: &Params,
+        layers: bool,
+    ) -> (Models<T, L>, Self) {
+        let [centre, ..] = &windows.samples;
+        let mut growth = Growth::<T, L>::new(centre, basis.rank, layers);
+        let (centre, rings) = windows.features.split_at_mut(1);
+        let (own, samples) = windows.samples.split_at(1);
+        if let (Some(features), Some(samples)) = (centre.first_chunk_mut(), own.first_chunk()) {
+            let mut alone = Chunk::ZERO;
+            growth.take_in::<1, D>(0, features, samples, basis, &mut alone);
+        }
+        let mut chunk = Chunk::ZERO;
+        // A ring is 8 r pixels: r chunks.
+        let chunks = rings
+            .chunks_exact_mut(CHUNK)
+            .zip(samples.chunks_exact(CHUNK));
+        let mut chunks = chunks.filter_map(|(rings, samples)| {
+            Some((
+                rings.first_chunk_mut::<CHUNK>()?,
+                samples.first_chunk::<CHUNK>()?,
+            ))
+        });
+        for radius in 1..=RADIUS {
+            for (features, samples) in chunks.by_ref().take(radius) {
+                growth.take_in::<CHUNK, D>(radius, features, samples, basis, &mut chunk);
+                lanes_stay_innermost();
+            }
+            growth.choose(radius, params);
+        }
+        (growth.best, growth.systems)
+    }
+
+    #[inline(always)]
+    fn fit_layer(
         &self,
         windows: &Windows<D, L>,
         radius: &[usize; L],
-        layer: &[[[f32; L]; 3]; WINDOW_AREA],
+        layer: &[[[f32; L]; CHANNELS]; WINDOW_AREA],
     ) -> Coefficients<T, L> {
         let [centre, ..] = layer;
         let mut moments = [[[0.0; L]; T]; CHANNELS];
@@ -112,7 +117,7 @@ impl<const T: usize, const L: usize> Systems<T, L> {
                     weight[l] = 0.0;
                 }
             }
-            chunk.set(0, |t| term(features, t), colour, &weight);
+            chunk.set(0, |t| regressor(features, t), colour, &weight);
             chunk.add_to_moments(&mut moments);
             lanes_stay_innermost();
         }
@@ -121,89 +126,8 @@ impl<const T: usize, const L: usize> Systems<T, L> {
     }
 }
 
-/// Regressor `t` of a pixel: 1, then its local features, then 0.
-#[inline(always)]
-pub(crate) fn term<const D: usize, const L: usize>(
-    features: &[[f32; L]; D],
-    t: usize,
-) -> &[f32; L] {
-    match t.checked_sub(1) {
-        None => const { &[1.0; L] },
-        Some(feature) => features.get(feature).unwrap_or(const { &[0.0; L] }),
-    }
-}
-
-/// Fits each window on the first `T` of its terms, and leaves the local features in the windows. The systems are there
-/// if `keep_systems`.
-#[inline(always)]
-pub(crate) fn fit<const T: usize, const D: usize, const L: usize>(
-    windows: &mut Windows<D, L>,
-    basis: &Basis<D, L>,
-    params: &Params,
-    keep_systems: bool,
-) -> (Models<T, L>, Systems<T, L>) {
-    let [centre, ..] = &windows.samples;
-    let mut growth = Growth::<T, L>::new(centre, basis.rank, keep_systems);
-    let (centre, rings) = windows.features.split_at_mut(1);
-    let (own, samples) = windows.samples.split_at(1);
-    if let (Some(features), Some(samples)) = (centre.first_chunk_mut(), own.first_chunk()) {
-        let mut alone = Chunk::ZERO;
-        growth.take_in::<1, D>(0, features, samples, basis, &mut alone);
-    }
-    let mut chunk = Chunk::ZERO;
-    // A ring is 8 r pixels: r chunks.
-    let chunks = rings
-        .chunks_exact_mut(CHUNK)
-        .zip(samples.chunks_exact(CHUNK));
-    let mut chunks = chunks.filter_map(|(rings, samples)| {
-        Some((
-            rings.first_chunk_mut::<CHUNK>()?,
-            samples.first_chunk::<CHUNK>()?,
-        ))
-    });
-    for radius in 1..=RADIUS {
-        for (features, samples) in chunks.by_ref().take(radius) {
-            growth.take_in::<CHUNK, D>(radius, features, samples, basis, &mut chunk);
-            lanes_stay_innermost();
-        }
-        growth.choose(radius, params);
-    }
-    (growth.best, growth.systems)
-}
-
 /// Pixels that are taken in at a time.
 const CHUNK: usize = 8;
-
-/// Replaces the features of all pixels by local ones, where no fit does.
-#[inline(always)]
-pub(crate) fn project_all<const T: usize, const D: usize, const L: usize>(
-    windows: &mut Windows<D, L>,
-    basis: &Basis<D, L>,
-) {
-    for features in &mut windows.features {
-        project::<T, D, L>(features, basis);
-        lanes_stay_innermost();
-    }
-}
-
-/// Replaces a pixel's features by the local ones that `T` terms need.
-#[inline(always)]
-fn project<const T: usize, const D: usize, const L: usize>(
-    features: &mut [[f32; L]; D],
-    basis: &Basis<D, L>,
-) {
-    let mut local = Aligned([[0.0; L]; D]);
-    add_products::<f32, D, D, L>(
-        &mut local.0,
-        0..(T - 1).min(D),
-        |j| &features[j],
-        |j| &basis.axes[j],
-    );
-    for k in 0..D {
-        features[k] = local.0[k];
-        lanes_stay_innermost();
-    }
-}
 
 /// A pixel's weight, less as it is farther from the centre in the local features of `T` terms: a line holds nearby.
 #[inline(always)]
@@ -286,7 +210,7 @@ impl<const T: usize, const L: usize> Growth<T, L> {
             let (features, sample) = (&mut features[p], &samples[p]);
             project::<T, D, L>(features, basis);
             let weight = nearness_times::<T, D, L>(features, &sample.weight);
-            chunk.set(p, |t| term(features, t), &sample.colour, &weight);
+            chunk.set(p, |t| regressor(features, t), &sample.colour, &weight);
             if radius >= FIRST_TEST_RING {
                 let squared = squared_distance(&self.previous.0, features, &sample.colour);
                 for l in 0..L {
@@ -307,22 +231,7 @@ impl<const T: usize, const L: usize> Growth<T, L> {
     /// Fits what has been taken in up to ring `radius`, and keeps each model whose risk is the least so far.
     #[inline(always)]
     fn choose(&mut self, radius: usize, params: &Params) {
-        let mut strengths = [[0.0; L]; T];
-        let mut noise = [0.0; L];
-        for l in 0..L {
-            let pixels = if self.pixels[l] > 1.0 {
-                self.pixels[l]
-            } else {
-                1.0
-            };
-            let share = self.weights[l] / pixels;
-            strengths[0][l] = params.intercept_strength * share * self.centre_counts[l];
-            for t in 1..T {
-                strengths[t][l] = params.gradient_strength * share;
-            }
-            // Variance of a pixel of average weight: with weights of 1 / variance it is 1 whatever the brightness.
-            noise[l] = self.noise[l] / pixels;
-        }
+        let (strengths, noise) = self.per_pixel(params);
         let factor = Factor::new(&self.sums.gram, &strengths);
         let change = self.sums.moments_about(&self.centre);
         let (coefficients, finite) = minimiser(&factor, change, &self.centre);
@@ -338,11 +247,7 @@ impl<const T: usize, const L: usize> Growth<T, L> {
             if !(finite[l] && factor.finite[l]) {
                 continue;
             }
-            for c in 0..CHANNELS {
-                for t in 0..T {
-                    self.previous.0[c][t][l] = coefficients[c][t][l];
-                }
-            }
+            copy_lane(&mut self.previous.0, &coefficients, l);
             let floor = RISK_FLOOR * noise[l] * self.terms[l] as f32;
             let risk = if self.risk[l] > floor {
                 self.risk[l]
@@ -354,16 +259,34 @@ impl<const T: usize, const L: usize> Growth<T, L> {
                 self.best.risk[l] = risk;
                 self.best.radius[l] = radius;
                 self.best.terms[l] = self.terms[l];
-                for c in 0..CHANNELS {
-                    for t in 0..T {
-                        self.best.coefficients[c][t][l] = coefficients[c][t][l];
-                    }
-                }
+                copy_lane(&mut self.best.coefficients, &coefficients, l);
                 if self.keep_systems {
                     self.systems.keep(l, &self.sums.gram, &factor);
                 }
             }
         }
+    }
+
+    /// Strengths of the prior as parts of an average pixel's weight, and the variance of a pixel of that weight: with weights of
+    /// 1 / variance it is 1 whatever the brightness.
+    #[inline(always)]
+    fn per_pixel(&self, params: &Params) -> ([[f32; L]; T], [f32; L]) {
+        let mut strengths = [[0.0; L]; T];
+        let mut noise = [0.0; L];
+        for l in 0..L {
+            let pixels = if self.pixels[l] > 1.0 {
+                self.pixels[l]
+            } else {
+                1.0
+            };
+            let share = self.weights[l] / pixels;
+            strengths[0][l] = params.intercept_strength * share * self.centre_counts[l];
+            for t in 1..T {
+                strengths[t][l] = params.gradient_strength * share;
+            }
+            noise[l] = self.noise[l] / pixels;
+        }
+        (strengths, noise)
     }
 
     /// Stein's unbiased risk, `RSS - sum w var + 2 trace(P sum w^2 var z z^T)` with `w var` at its mean.
@@ -409,55 +332,4 @@ fn minimiser<const T: usize, const L: usize>(
         }
     }
     (coefficients, finite)
-}
-
-/// The centre's radiance, whatever the features.
-#[inline(always)]
-fn constant<const T: usize, const L: usize>(centre: &[[f32; L]; CHANNELS]) -> Coefficients<T, L> {
-    let mut coefficients = [[[0.0; L]; T]; CHANNELS];
-    for c in 0..CHANNELS {
-        coefficients[c][0] = centre[c];
-    }
-    coefficients
-}
-
-/// `beta^T z` of each channel, from a pixel's local features.
-#[inline(always)]
-pub(crate) fn evaluate<const T: usize, const D: usize, const L: usize>(
-    coefficients: &Coefficients<T, L>,
-    features: &[[f32; L]; D],
-) -> [[f32; L]; CHANNELS] {
-    let mut values = [[0.0; L]; CHANNELS];
-    for c in 0..CHANNELS {
-        values[c] = coefficients[c][0];
-    }
-    for t in 1..T {
-        if let Some(feature) = features.get(t - 1) {
-            for c in 0..CHANNELS {
-                for l in 0..L {
-                    values[c][l] += coefficients[c][t][l] * feature[l];
-                }
-            }
-        }
-        lanes_stay_innermost();
-    }
-    values
-}
-
-/// `sum over channels (beta^T z - y)^2`.
-#[inline(always)]
-fn squared_distance<const T: usize, const D: usize, const L: usize>(
-    coefficients: &Coefficients<T, L>,
-    features: &[[f32; L]; D],
-    colour: &[[f32; L]; CHANNELS],
-) -> [f32; L] {
-    let values = evaluate(coefficients, features);
-    let mut sum = [0.0; L];
-    for c in 0..CHANNELS {
-        for l in 0..L {
-            let difference = values[c][l] - colour[c][l];
-            sum[l] += difference * difference;
-        }
-    }
-    sum
 }

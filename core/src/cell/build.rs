@@ -1,0 +1,116 @@
+//! Models from windows: fits them, and adds their predictions to those of their cells and of the layers that follow.
+
+use crate::cell::feature_space::MAX_TERMS;
+use crate::cell::fit::Fit;
+use crate::cell::fit::lpr::Lpr;
+use crate::cell::fit::robust::Systems;
+use crate::cell::lent::{Cells, Scratch};
+use crate::cell::rings::{Centre, Centres, RING_STEPS};
+use crate::params::{Formulas, Params};
+use crate::tile::{CHANNELS, WINDOW_AREA};
+
+/// Builds the models of the windows around the centres, and returns the half-widths of their prediction windows.
+///
+/// A window pays for its rank or, between others, for the largest of theirs: terms of 0 change no bit. A single lane is for small
+/// machines, where one size of code counts for more than speed.
+#[inline(always)]
+pub(crate) fn build_models<const D: usize, const L: usize>(
+    cells: &mut impl Cells<D>,
+    centres: &Centres<L>,
+    params: &Params,
+    scratch: &mut Scratch<D, L>,
+) -> [usize; L] {
+    let largest = scratch.basis.rank.iter().fold(0, |a, b| a.max(*b));
+    match if L == 1 { D } else { largest } {
+        0..=2 => build_with_terms::<3, D, L>(cells, centres, params, scratch),
+        3 | 4 => build_with_terms::<5, D, L>(cells, centres, params, scratch),
+        5 | 6 => build_with_terms::<7, D, L>(cells, centres, params, scratch),
+        7 => build_with_terms::<8, D, L>(cells, centres, params, scratch),
+        8 => build_with_terms::<9, D, L>(cells, centres, params, scratch),
+        9 => build_with_terms::<10, D, L>(cells, centres, params, scratch),
+        10 | 11 => build_with_terms::<12, D, L>(cells, centres, params, scratch),
+        12 | 13 => build_with_terms::<14, D, L>(cells, centres, params, scratch),
+        _ => build_with_terms::<MAX_TERMS, D, L>(cells, centres, params, scratch),
+    }
+}
+
+/// The same for models of at most `T` terms; nothing where `D` features cannot make so many, so that no code is made for it.
+#[inline(always)]
+fn build_with_terms<const T: usize, const D: usize, const L: usize>(
+    cells: &mut impl Cells<D>,
+    centres: &Centres<L>,
+    params: &Params,
+    scratch: &mut Scratch<D, L>,
+) -> [usize; L] {
+    if const { T <= D + 2 } {
+        match params.formulas {
+            Formulas::Robust => build::<Systems<T, L>, T, D, L>(cells, centres, params, scratch),
+            Formulas::Literal => build::<Lpr, T, D, L>(cells, centres, params, scratch),
+        }
+    } else {
+        [0; L]
+    }
+}
+
+/// The same by the formulas `F`.
+#[inline(always)]
+fn build<F: Fit<T, D, L>, const T: usize, const D: usize, const L: usize>(
+    cells: &mut impl Cells<D>,
+    centres: &Centres<L>,
+    params: &Params,
+    scratch: &mut Scratch<D, L>,
+) -> [usize; L] {
+    let layers = cells.results(0).1.len();
+    let windows = &mut scratch.windows;
+    let (models, fit) = F::fit(windows, &scratch.basis, params, layers > 0);
+    let predicted = &mut scratch.predicted;
+    predicted.predict(&models, windows, params.formulas);
+    for (lane, centre) in with_models(centres, &windows.live) {
+        predicted.add_to(lane, centre, &models, cells.results(lane).0);
+    }
+    for layer in 0..layers {
+        read_layer(cells, centres, layer, predicted.colours());
+        let coefficients = fit.fit_layer(windows, &models.radius, predicted.colours());
+        predicted.predict_layer(&coefficients, windows);
+        for (lane, centre) in with_models(centres, &windows.live) {
+            if let Some(layer) = cells.results(lane).1.get_mut(layer) {
+                predicted.add_layer_to(lane, centre, &models.radius, layer);
+            }
+        }
+    }
+    models.radius
+}
+
+/// The lanes that have a model, and their centres.
+#[inline(always)]
+fn with_models<const L: usize>(
+    centres: &Centres<L>,
+    live: &[bool; L],
+) -> impl Iterator<Item = (usize, Centre)> {
+    let lanes = centres.iter().zip(live).enumerate();
+    lanes.filter_map(|(lane, (centre, live))| centre.filter(|_| *live).map(|centre| (lane, centre)))
+}
+
+/// The layer's radiance in the windows around the centres, ring after ring.
+#[inline(always)]
+fn read_layer<const D: usize, const L: usize>(
+    cells: &mut impl Cells<D>,
+    centres: &Centres<L>,
+    layer: usize,
+    colours: &mut [[[f32; L]; CHANNELS]; WINDOW_AREA],
+) {
+    for (lane, centre) in centres.iter().enumerate() {
+        let layers = cells.results(lane).1;
+        let (Some(centre), Some(layer)) = (*centre, layers.get(layer)) else {
+            continue;
+        };
+        for (colours, &step) in colours.iter_mut().zip(&RING_STEPS) {
+            let own = layer.colour_at(centre.position().wrapping_add_signed(step));
+            for (colours, value) in colours.iter_mut().zip(own) {
+                if let Some(colour) = colours.get_mut(lane) {
+                    *colour = value;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! What the caller lends: working memory, and cells to work on.
+
+use crate::blend::{LayerTile, Predictions};
+use crate::cell::feature_noise::FeatureNoise;
+use crate::cell::feature_space::Basis;
+use crate::cell::placement::Placement;
+use crate::cell::prediction::PredictionWindows;
+use crate::cell::window::Windows;
+use crate::tile::Tile;
+
+/// Working memory of `L` cells of `D` features at a time, lent by the caller; its contents carry nothing from one cell
+/// to the next.
+#[repr(C, align(64))]
+pub struct Scratch<const D: usize, const L: usize> {
+    pub(crate) windows: Windows<D, L>,
+    pub(crate) basis: Basis<D, L>,
+    pub(crate) predicted: PredictionWindows<L>,
+    pub(crate) placements: [Placement; L],
+    pub(crate) noise: [FeatureNoise<D>; L],
+}
+
+impl<const D: usize, const L: usize> Scratch<D, L> {
+    /// Memory for any cells.
+    pub const fn new() -> Self {
+        Self {
+            windows: Windows::ZERO,
+            basis: Basis::NONE,
+            predicted: PredictionWindows::EMPTY,
+            placements: [const { Placement::ENDED }; L],
+            noise: [const { FeatureNoise::NONE }; L],
+        }
+    }
+
+    /// Forgets the cells under way.
+    #[inline(always)]
+    pub(crate) fn end_cells(&mut self) {
+        self.placements = [const { Placement::ENDED }; L];
+    }
+}
+
+impl<const D: usize, const L: usize> Default for Scratch<D, L> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Where cells of `D` features come from and go to. A lane holds one cell at a time.
+pub trait Cells<const D: usize> {
+    /// Puts the next cell into `lane`, with black sums of its layers; false if there is none left.
+    fn next(&mut self, lane: usize) -> bool;
+    /// The tile in `lane`; any tile while the lane has no cell.
+    fn tile(&self, lane: usize) -> &Tile<D>;
+    /// The predictions of the cell in `lane`, and the layers that follow it: as many in every lane.
+    fn results(&mut self, lane: usize) -> (&mut Predictions, &mut [LayerTile]);
+    /// Takes the finished cell out of `lane`; `models` models were built for it.
+    fn done(&mut self, lane: usize, models: u32);
+}
