@@ -1,36 +1,36 @@
-//! From models' predictions to pixels: their weighted mean, with the pixel's own radiance as one of them.
+//! From models' predictions to pixels: their mean by confidence, with the pixel's own radiance as one of them.
 
 use crate::float::reciprocal_sqrt;
 use crate::params::Formulas;
 use crate::tile::{Pixel, PixelState, TILE_AREA};
 
-/// Weight of a pixel's own radiance beside those of its predictions, in the unit of [`reliability`].
-const OWN_WEIGHT: f32 = 0.1;
+/// Confidence in a pixel's own radiance beside its predictions, as a part of [`confidence`] in one that is off by the pixel's variance.
+const OWN_CONFIDENCE: f32 = 0.1;
 
-/// Added to a local error, in units of the pixel's variance, before a weight is made of it: an estimate from nine noisy
+/// Added to a local error, in units of the pixel's variance, before a confidence is made of it: an estimate from nine noisy
 /// pixels knows no better (measured: 0.2 to 1 alike).
 pub(crate) const ERROR_SOFTENING: f32 = 0.5;
 
-/// Weight of a prediction whose squared error is `error`: between the inverse error, which trusts too many, and its
+/// Confidence in a prediction whose squared error is `error`: between the inverse error, which trusts too many, and its
 /// square, which trusts the luckiest.
 #[inline(always)]
-pub(crate) fn reliability(error: f32) -> f32 {
+pub(crate) fn confidence(error: f32) -> f32 {
     let root = reciprocal_sqrt(error);
     root * root * root
 }
 
-/// Weighted sums of the predictions of a pixel.
+/// Sums over the predictions of a pixel, each times the confidence in it: its weight in their mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sum {
-    /// Radiance times weight.
+    /// Radiance times confidence.
     pub colour: [f32; 3],
-    /// Weights.
-    pub weight: f32,
-    /// Estimated squared error, mean over the channels, times weight.
+    /// Confidences.
+    pub confidence: f32,
+    /// Estimated squared error, mean over the channels, times confidence.
     pub error: f32,
-    /// Half-width of the prediction windows, times weight.
+    /// Half-width of the prediction windows, times confidence.
     pub radius: f32,
-    /// Local rank, times weight.
+    /// Local rank, times confidence.
     pub rank: f32,
 }
 
@@ -38,7 +38,7 @@ impl Sum {
     /// The sum of no predictions.
     pub const NONE: Self = Self {
         colour: [0.0; 3],
-        weight: 0.0,
+        confidence: 0.0,
         error: 0.0,
         radius: 0.0,
         rank: 0.0,
@@ -51,7 +51,7 @@ impl Sum {
         for (sum, value) in self.colour.iter_mut().zip(&other.colour) {
             *sum += value;
         }
-        self.weight += other.weight;
+        self.confidence += other.confidence;
         self.error += other.error;
         self.radius += other.radius;
         self.rank += other.rank;
@@ -72,13 +72,13 @@ impl Predictions {
     };
 }
 
-/// A layer over a tile (diffuse, one light, ...) that is denoised with the models of the beauty: the same windows, weights
-/// and blending on its own radiance, so that layers which sum to the beauty still do.
+/// A layer over a tile (diffuse, one light, ...) that is denoised with the models of the colour: the same windows, weights,
+/// confidences and blending on its own radiance, so that layers which sum to the colour still do.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayerTile {
     /// Its radiance, red green blue; finite, 0 outside the image.
     pub colour: [[f32; 3]; TILE_AREA],
-    /// Predictions times the weights that [`Sum::weight`] adds up.
+    /// Predictions times the confidences that [`Sum::confidence`] adds up.
     pub sums: [[f32; 3]; TILE_AREA],
 }
 
@@ -110,9 +110,9 @@ pub struct Denoised {
     pub colour: [f32; 3],
     /// Estimated squared error, mean over the channels, radiance squared; 0 for a pixel that passed through.
     pub error: f32,
-    /// Half-width of the prediction windows, weighted mean.
+    /// Half-width of the prediction windows, mean by confidence.
     pub radius: f32,
-    /// Local rank, weighted mean.
+    /// Local rank, mean by confidence.
     pub rank: f32,
 }
 
@@ -121,8 +121,8 @@ pub struct Denoised {
 /// A clean pixel comes out as it went in. A bad one is its predictions' mean, or 0 where there are none.
 #[inline(always)]
 pub fn resolve<const D: usize>(pixel: &Pixel<D>, sum: &Sum, formulas: Formulas) -> Denoised {
-    let own = own_weight(pixel, sum, formulas);
-    let total = own + sum.weight;
+    let own = own_confidence(pixel, sum, formulas);
+    let total = own + sum.confidence;
     if total <= 0.0 {
         return Denoised {
             colour: [0.0; 3],
@@ -143,7 +143,7 @@ pub fn resolve<const D: usize>(pixel: &Pixel<D>, sum: &Sum, formulas: Formulas) 
     }
 }
 
-/// One channel of a layer that follows the beauty: the same weights on its own predictions and radiance.
+/// One channel of a layer that follows the colour: the same confidences on its own predictions and radiance.
 #[inline(always)]
 pub fn resolve_layer<const D: usize>(
     pixel: &Pixel<D>,
@@ -152,16 +152,16 @@ pub fn resolve_layer<const D: usize>(
     layer: f32,
     own: f32,
 ) -> f32 {
-    let weight = own_weight(pixel, sum, formulas);
-    let total = weight + sum.weight;
+    let confidence = own_confidence(pixel, sum, formulas);
+    let total = confidence + sum.confidence;
     if total <= 0.0 {
         0.0
     } else {
-        mean(layer, weight, own, total)
+        mean(layer, confidence, own, total)
     }
 }
 
-/// `(sum + own y) / total`; exactly y where nothing else has weight.
+/// `(sum + own y) / total`; exactly y where nothing else has confidence.
 #[inline(always)]
 fn mean(sum: f32, own: f32, y: f32, total: f32) -> f32 {
     if own == total {
@@ -172,15 +172,15 @@ fn mean(sum: f32, own: f32, y: f32, total: f32) -> f32 {
 }
 
 #[inline(always)]
-fn own_weight<const D: usize>(pixel: &Pixel<D>, sum: &Sum, formulas: Formulas) -> f32 {
+fn own_confidence<const D: usize>(pixel: &Pixel<D>, sum: &Sum, formulas: Formulas) -> f32 {
     match pixel.state {
         PixelState::Outside | PixelState::Bad => 0.0,
-        // More than any sum of weights, so that the mean is the pixel itself.
+        // More than any sum of confidences, so that the mean is the pixel itself.
         PixelState::Clean => f32::MAX,
         PixelState::Noisy if formulas == Formulas::Robust => {
-            OWN_WEIGHT * reliability(1.0 + ERROR_SOFTENING)
+            OWN_CONFIDENCE * confidence(1.0 + ERROR_SOFTENING)
         }
-        PixelState::Noisy if sum.weight > 0.0 => 0.0,
+        PixelState::Noisy if sum.confidence > 0.0 => 0.0,
         PixelState::Noisy => 1.0,
     }
 }

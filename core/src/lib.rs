@@ -1,7 +1,7 @@
 //! The arithmetic of linpred.
 //!
 //! In the order in which an image goes through it: [`estimate_colour_noise`] and [`estimate_feature_noise`] where the renderer gave
-//! no variances; [`prepare`] and [`prefilter`], block by block; [`denoise_cells`], tile by tile; [`resolve`], pixel by pixel,
+//! no variances; [`weigh_samples`] and [`prefilter`], block by block; [`denoise_cells`], tile by tile; [`resolve`], pixel by pixel,
 //! once the predictions of all cells that reach it are added up ([`Sum::add`]).
 #![no_std]
 #![forbid(unsafe_code)]
@@ -22,7 +22,7 @@ pub use block::estimate_noise::{
 };
 pub use block::plane::{BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane};
 pub use block::prefilter::{FeatureGroup, FeaturePlane, FilteredGroup, PREFILTER_HALO, prefilter};
-pub use block::weights::{ColourBlock, ColourPlane, PREPARE_HALO, PreparedBlock, prepare};
+pub use block::weights::{ColourBlock, ColourPlane, WEIGHTS_HALO, WeightBlock, weigh_samples};
 pub use cell::denoise_cells;
 pub use cell::feature_space::MAX_TERMS;
 pub use cell::lent::{Cells, Scratch};

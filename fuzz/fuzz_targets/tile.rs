@@ -59,7 +59,7 @@ fn from_palette(byte: u8) -> f32 {
 fn check(tile: &Tile, params: &Params) {
     let cell = denoise(tile, params);
     for (i, (sum, pixel)) in cell.predictions.sums.iter().zip(&cell.pixels).enumerate() {
-        assert!(sum.weight >= 0.0 && sum.weight.is_finite(), "{i} {sum:?}");
+        assert!(sum.confidence >= 0.0 && sum.confidence.is_finite(), "{i} {sum:?}");
         assert!(sum.error >= 0.0 && sum.error.is_finite(), "{i} {sum:?}");
         assert!(pixel.colour.iter().all(|v| v.is_finite()), "{i} {pixel:?}");
         assert!(

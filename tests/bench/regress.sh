@@ -16,7 +16,7 @@ cargo build --quiet --release -p linpred-bench --bin kernels
 kernels="${CARGO_TARGET_DIR:-../../target}/release/kernels"
 counts=$(mktemp)
 trap 'rm -f "$counts"' EXIT
-for kernel in denoise_cells prefilter prepare; do
+for kernel in denoise_cells prefilter weigh_samples; do
     said=$(valgrind --tool=callgrind --callgrind-out-file=/dev/null --collect-atstart=no '--toggle-collect=*counted*' \
         "$kernels" "$kernel" 2>&1)
     count=$(printf '%s\n' "$said" | sed -n 's/.*Collected *: *//p')

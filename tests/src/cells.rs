@@ -56,7 +56,7 @@ impl Job {
     pub fn new(tile: Box<Tile>, layers: Vec<LayerTile>) -> Self {
         let mut predictions = Box::new(Predictions::NONE);
         for sum in &mut predictions.sums {
-            sum.weight = f32::NAN;
+            sum.confidence = f32::NAN;
         }
         Self {
             tile,
@@ -71,7 +71,13 @@ impl Job {
         let sums = self.predictions.sums.iter().flat_map(|sum| {
             let [red, green, blue] = sum.colour;
             [
-                red, green, blue, sum.weight, sum.error, sum.radius, sum.rank,
+                red,
+                green,
+                blue,
+                sum.confidence,
+                sum.error,
+                sum.radius,
+                sum.rank,
             ]
         });
         let layers = self.layers.iter().flat_map(|layer| layer.sums).flatten();

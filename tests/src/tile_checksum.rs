@@ -4,8 +4,8 @@
 use half::f16;
 use linpred_core::{
     BLOCK_HEIGHT, BLOCK_WIDTH, ColourBlock, FeatureGroup, FilteredGroup, NormalEquations,
-    PREFILTER_HALO, PREPARE_HALO, Params, Pixel, PixelState, Predictions, PreparedBlock, Prior,
-    Rls, Scratch, SymmetricEigen, TILE, Tile, denoise_cell, prefilter, prepare, resolve,
+    PREFILTER_HALO, Params, Pixel, PixelState, Predictions, Prior, Rls, Scratch, SymmetricEigen,
+    TILE, Tile, WEIGHTS_HALO, WeightBlock, denoise_cell, prefilter, resolve, weigh_samples,
 };
 
 /// Pixels along a side of the tile.
@@ -72,7 +72,7 @@ impl Memory {
 )]
 enum Block {
     Nothing,
-    Colours(ColourBlock, PreparedBlock),
+    Colours(ColourBlock, WeightBlock),
     Triple(FeatureGroup<3>, FilteredGroup<3>),
     Single(FeatureGroup<1>, FilteredGroup<1>),
     Cell(Scratch<FEATURES, 1>, Predictions),
@@ -132,10 +132,10 @@ fn load_tile(memory: &mut Memory) {
     }
     for y in (0..TILE).step_by(BLOCK_HEIGHT) {
         for x in (0..TILE).step_by(BLOCK_WIDTH) {
-            *block = Block::Colours(ColourBlock::BLACK, PreparedBlock::EMPTY);
+            *block = Block::Colours(ColourBlock::BLACK, WeightBlock::EMPTY);
             if let Block::Colours(input, output) = block {
                 load_colours(input, x, y);
-                prepare(input, output);
+                weigh_samples(input, output);
                 store_prepared(output, tile, x, y);
             }
             for (plane, feature) in [(6, 2), (12, 5)] {
@@ -155,8 +155,8 @@ fn load_tile(memory: &mut Memory) {
 fn load_colours(block: &mut ColourBlock, x: usize, y: usize) {
     for row in 0..ColourBlock::HEIGHT {
         for column in 0..ColourBlock::WIDTH {
-            let x = (x + column) as isize - PREPARE_HALO as isize;
-            let y = (y + row) as isize - PREPARE_HALO as isize;
+            let x = (x + column) as isize - WEIGHTS_HALO as isize;
+            let y = (y + row) as isize - WEIGHTS_HALO as isize;
             let [r, g, b] = [0, 1, 2].map(|plane| nearest_value(plane, x, y).abs() / 3.0);
             block.luminance[row][column] = r + g + b;
             let [r, g, b] = [3, 4, 5].map(|plane| nearest_value(plane, x, y));
@@ -183,7 +183,7 @@ fn for_block(
     }
 }
 
-fn store_prepared(block: &PreparedBlock, tile: &mut Tile<FEATURES>, x: usize, y: usize) {
+fn store_prepared(block: &WeightBlock, tile: &mut Tile<FEATURES>, x: usize, y: usize) {
     for_block(tile, x, y, |pixel, _, row, column| {
         pixel.weight = block.weight[row][column];
         pixel.variance = block.variance[row][column];

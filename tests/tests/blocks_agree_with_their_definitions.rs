@@ -3,7 +3,7 @@
 
 use linpred_core::{
     BLOCK_HEIGHT, BLOCK_WIDTH, ColourBlock, FeatureGroup, FilteredGroup, PREFILTER_HALO,
-    PREPARE_HALO, PreparedBlock, prefilter, prepare,
+    WEIGHTS_HALO, WeightBlock, prefilter, weigh_samples,
 };
 use linpred_tests::tolerance::{BLOCK, close};
 
@@ -92,11 +92,11 @@ fn prepared(input: &ColourBlock, x: usize, y: usize) -> [f64; 3] {
 #[test]
 fn weights_variances_and_tolerances() {
     let input = colours();
-    let mut output = Box::new(PreparedBlock::EMPTY);
-    prepare(&input, &mut output);
+    let mut output = Box::new(WeightBlock::EMPTY);
+    weigh_samples(&input, &mut output);
     let mut black = 0;
     for (y, x) in (0..BLOCK_HEIGHT).flat_map(|y| (0..BLOCK_WIDTH).map(move |x| (y, x))) {
-        let expected = prepared(&input, x + PREPARE_HALO, y + PREPARE_HALO);
+        let expected = prepared(&input, x + WEIGHTS_HALO, y + WEIGHTS_HALO);
         let own = [&output.weight, &output.variance, &output.tolerance].map(|plane| plane[y][x]);
         for (own, expected) in own.into_iter().zip(expected) {
             let own = f64::from(own);

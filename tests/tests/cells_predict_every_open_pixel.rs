@@ -37,7 +37,7 @@ proptest! {
         });
         prop_assert!(cell.models <= open.count() as u32 * 3);
         for (i, sum) in cell.predictions.sums.iter().enumerate() {
-            prop_assert!(sum.weight >= 0.0 && sum.weight.is_finite(), "{} {:?}", i, sum);
+            prop_assert!(sum.confidence >= 0.0 && sum.confidence.is_finite(), "{} {:?}", i, sum);
             prop_assert!(sum.error >= 0.0 && sum.error.is_finite(), "{} {:?}", i, sum);
             prop_assert!(sum.colour.iter().all(|v| v.is_finite()), "{} {:?}", i, sum);
         }
@@ -57,7 +57,7 @@ proptest! {
         let params = Params { coverage, ..Params::literal() };
         let cell = denoise(&tile, &params);
         for i in of_the_cell() {
-            let (pixel, weight) = (&tile.pixels[i], cell.predictions.sums[i].weight);
+            let (pixel, weight) = (&tile.pixels[i], cell.predictions.sums[i].confidence);
             prop_assert!(weight.fract() == 0.0);
             // Predictions that would leave f32, which only a weight that contradicts the radiance can cause, are dropped.
             let kept = cell.pixels[i].colour.map(f32::to_bits) == pixel.colour.map(f32::to_bits);
@@ -85,7 +85,7 @@ fn as_often_as_asked_where_few_are_asked_for() {
             },
         );
         let least = of_the_cell()
-            .map(|i| cell.predictions.sums[i].weight)
+            .map(|i| cell.predictions.sums[i].confidence)
             .fold(f32::MAX, f32::min);
         assert!(least >= f32::from(coverage), "{coverage}: {least}");
     }

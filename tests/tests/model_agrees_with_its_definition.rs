@@ -140,7 +140,7 @@ fn is_the_definitions(case: &Case, params: Params) -> Result<(), TestCaseError> 
     }
     let models = window.models();
     let sum = &job.predictions.sums[case.centre()];
-    let radius = (sum.radius / sum.weight).round() as usize;
+    let radius = (sum.radius / sum.confidence).round() as usize;
     let chosen = models.iter().find(|model| model.radius == radius);
     let Some(chosen) = chosen else {
         // The papers have no answer where the 3 x 3 around the centre have no valid pixel: their error is a sum over nothing.
@@ -167,7 +167,7 @@ fn is_the_definitions(case: &Case, params: Params) -> Result<(), TestCaseError> 
 /// What the prediction of the centre says.
 fn rank(job: &Job, centre: usize) -> usize {
     let sum = &job.predictions.sums[centre];
-    (sum.rank / sum.weight).round() as usize
+    (sum.rank / sum.confidence).round() as usize
 }
 
 fn expected_rank(window: &Window, model: &Model) -> usize {
@@ -193,7 +193,7 @@ fn predicts(
     let mut count = 0;
     for (exact, exact_layer) in predictions.iter().zip(&layer) {
         let sum = &job.predictions.sums[exact.position];
-        let weight = f64::from(sum.weight);
+        let weight = f64::from(sum.confidence);
         prop_assert!(
             close(weight, exact.weight, MODEL_WEIGHT * exact.weight),
             "weight {weight} against {}",
@@ -223,7 +223,11 @@ fn predicts(
         ));
         count += 1;
     }
-    let predicted = job.predictions.sums.iter().filter(|sum| sum.weight > 0.0);
+    let predicted = job
+        .predictions
+        .sums
+        .iter()
+        .filter(|sum| sum.confidence > 0.0);
     prop_assert_eq!(predicted.count(), count);
     Ok(())
 }

@@ -65,12 +65,12 @@ proptest! {
         prop_assert_eq!(cell.models, models);
         // Each prediction agrees with its pixel, so that all weights have one factor in common.
         let pairs = || cell.predictions.sums.iter().zip(&weights);
-        let factor = pairs().find(|(_, weight)| **weight > 0.0).map(|(sum, weight)| sum.weight / weight);
+        let factor = pairs().find(|(_, weight)| **weight > 0.0).map(|(sum, weight)| sum.confidence / weight);
         for (sum, weight) in pairs() {
             let expected = factor.unwrap_or(0.0) * weight;
-            prop_assert!((sum.weight - expected).abs() <= 1e-5 * expected, "{} {}", sum.weight, expected);
-            if sum.weight > 0.0 {
-                prop_assert_eq!((sum.radius / sum.weight).round() as u32, 9);
+            prop_assert!((sum.confidence - expected).abs() <= 1e-5 * expected, "{} {}", sum.confidence, expected);
+            if sum.confidence > 0.0 {
+                prop_assert_eq!((sum.radius / sum.confidence).round() as u32, 9);
             }
         }
     }

@@ -20,7 +20,7 @@ impl Prediction {
     fn sum(&self) -> Sum {
         Sum {
             colour: self.colour.map(|v| v * self.weight),
-            weight: self.weight,
+            confidence: self.weight,
             error: self.error * self.weight,
             radius: f32::from(self.radius) * self.weight,
             rank: f32::from(self.rank) * self.weight,

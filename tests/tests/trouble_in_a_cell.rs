@@ -89,10 +89,10 @@ impl Case {
 fn stays_itself(tile: &Tile, params: &Params, radiance: f32) -> Result<(), TestCaseError> {
     let cell = denoise(tile, params);
     for (i, sum) in cell.predictions.sums.iter().enumerate() {
-        prop_assert!(sum.weight >= 0.0 && sum.weight.is_finite());
-        if sum.weight > 0.0 {
+        prop_assert!(sum.confidence >= 0.0 && sum.confidence.is_finite());
+        if sum.confidence > 0.0 {
             for (ours, tint) in sum.colour.iter().zip([1.0, 0.5, 0.0]) {
-                let ours = f64::from(ours / sum.weight / radiance);
+                let ours = f64::from(ours / sum.confidence / radiance);
                 prop_assert!(close(ours, tint, CONSTANT_CELL), "{i}: {ours} of {tint}");
             }
         }
@@ -127,6 +127,6 @@ proptest! {
         }
         let params = Params::new(Quality::Balanced);
         stays_itself(&tile, &params, case.radiance)?;
-        prop_assert!(denoise(&tile, &params).predictions.sums[valid].weight > 0.0);
+        prop_assert!(denoise(&tile, &params).predictions.sums[valid].confidence > 0.0);
     }
 }

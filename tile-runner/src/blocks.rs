@@ -6,7 +6,7 @@ use std::sync::{Mutex, PoisonError};
 
 use linpred_core::{
     BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane, ColourBlock, FeatureGroup, FilteredGroup,
-    PREFILTER_HALO, PREPARE_HALO, PreparedBlock,
+    PREFILTER_HALO, WEIGHTS_HALO, WeightBlock,
 };
 use rayon::prelude::*;
 
@@ -16,7 +16,7 @@ use crate::held_rows::{HeldRows, copy_clamped};
 use crate::row::{FEATURES, RowLayout};
 
 /// Rows of input around a row of blocks that it is made of.
-pub(crate) const BLOCK_HALO: usize = PREPARE_HALO;
+pub(crate) const BLOCK_HALO: usize = WEIGHTS_HALO;
 // A missing feature is filled from its neighbours, hence the 1.
 const _: () = assert!(
     PREFILTER_HALO < BLOCK_HALO,
@@ -149,7 +149,7 @@ pub(crate) struct BlockBench {
     colours: ColourBlock,
     triple: FeatureGroup<3>,
     single: FeatureGroup<1>,
-    prepared: PreparedBlock,
+    prepared: WeightBlock,
     normal: FilteredGroup<3>,
     albedo: FilteredGroup<3>,
     depth: FilteredGroup<1>,
@@ -163,7 +163,7 @@ impl BlockBench {
             colours: ColourBlock::BLACK,
             triple: FeatureGroup::ZERO,
             single: FeatureGroup::ZERO,
-            prepared: PreparedBlock::EMPTY,
+            prepared: WeightBlock::EMPTY,
             normal: FilteredGroup::ZERO,
             albedo: FilteredGroup::ZERO,
             depth: FilteredGroup::ZERO,
@@ -173,7 +173,7 @@ impl BlockBench {
 
     fn work_out(&mut self, source: &Source, present: &[bool; GROUPS.len()], level: Level) {
         source.load_colours(&mut self.colours);
-        level.prepare(&self.colours, &mut self.prepared);
+        level.weigh_samples(&self.colours, &mut self.prepared);
         let wanted = |g: usize| present[g] && source.is_noisy(&GROUPS[g]);
         self.filtered = [false; GROUPS.len()];
         if wanted(0) {
@@ -236,9 +236,9 @@ struct Source<'a> {
 impl Source<'_> {
     fn load_colours(&self, block: &mut ColourBlock) {
         const WIDTH: usize = ColourBlock::WIDTH;
-        let first = self.x as isize - PREPARE_HALO as isize;
+        let first = self.x as isize - WEIGHTS_HALO as isize;
         for row in 0..ColourBlock::HEIGHT {
-            let y = self.y + row as isize - PREPARE_HALO as isize;
+            let y = self.y + row as isize - WEIGHTS_HALO as isize;
             let (colours, guides) = (self.band.colours(y), self.band.guides(y));
             copy_clamped(&guides.luminance, first, &mut block.luminance[row][..WIDTH]);
             copy_clamped(&guides.variance, first, &mut block.variance[row][..WIDTH]);

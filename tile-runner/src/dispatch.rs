@@ -4,8 +4,9 @@
 //! make it faster.
 
 use linpred_core::{
-    Cells, ColourBlock, FeatureGroup, FilteredGroup, NoiseBlock, NoisyBlock, Params, PreparedBlock,
-    Scratch, denoise_cells, estimate_colour_noise, estimate_feature_noise, prefilter, prepare,
+    Cells, ColourBlock, FeatureGroup, FilteredGroup, NoiseBlock, NoisyBlock, Params, Scratch,
+    WeightBlock, denoise_cells, estimate_colour_noise, estimate_feature_noise, prefilter,
+    weigh_samples,
 };
 
 use crate::row::FEATURES;
@@ -77,8 +78,8 @@ macro_rules! dispatched {
 }
 
 dispatched! {
-    /// [`linpred_core::prepare`].
-    prepare(input: &ColourBlock, output: &mut PreparedBlock) -> ()
+    /// [`linpred_core::weigh_samples`].
+    weigh_samples(input: &ColourBlock, output: &mut WeightBlock) -> ()
 }
 dispatched! {
     /// [`linpred_core::prefilter`].
@@ -225,8 +226,8 @@ mod tests {
         for good in colours.good.as_flattened_mut() {
             *good = if noise.next() < 0.1 { 0.0 } else { 1.0 };
         }
-        let mut prepared = Box::new(PreparedBlock::EMPTY);
-        level.prepare(&colours, &mut prepared);
+        let mut prepared = Box::new(WeightBlock::EMPTY);
+        level.weigh_samples(&colours, &mut prepared);
 
         let mut group = Box::new(FeatureGroup::<3>::ZERO);
         noise.fill(group.value.as_flattened_mut().as_flattened_mut());

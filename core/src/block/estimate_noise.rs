@@ -145,9 +145,9 @@ pub fn estimate_colour_noise(input: &NoisyBlock, output: &mut NoiseBlock) {
                 medians_3x3::<{ BLOCK_COLUMNS + 2 }, BLOCK_COLUMNS>([row(0), row(1), row(2)]);
             for x in 0..BLOCK_COLUMNS {
                 // The pixel's own radiance or the median of those around, not their mean: bright neighbours stay out.
-                let level = medians[x].max(magnitude[y + NOISE_HALO][x + NOISE_HALO]);
+                let radiance = medians[x].max(magnitude[y + NOISE_HALO][x + NOISE_HALO]);
                 let noise = RADIANCE_FACTOR * relative[y][x].min(untextured[y][x]);
-                output.colour[y][x] += (noise + 1e-12) * level * level;
+                output.colour[y][x] += (noise + 1e-12) * radiance * radiance;
             }
         }
     }

@@ -15,20 +15,21 @@ use crate::block::plane::{
 };
 use crate::float::{exp2_parts, log2_parts, round_to_u32};
 
-/// Pixels around a block that its weights read: the level's half-width, and one more for the mean below it.
-pub const PREPARE_HALO: usize = LEVEL_RADIUS + 1;
+/// Pixels around a block that its weights read: the half-width of the log-average, and one more for the mean below it.
+pub const WEIGHTS_HALO: usize = LOG_AVERAGE_RADIUS + 1;
 
-/// Half-width of the neighbourhood whose geometric mean is the local level.
-const LEVEL_RADIUS: usize = 9;
-const LEVEL_SPAN: usize = 2 * LEVEL_RADIUS + 1;
-/// Weight of the squared local level beside a pixel's own squared radiance (measured: 1 to 10 alike).
-const LEVEL_SHARE: f32 = 3.0;
+/// Half-width of the neighbourhood over which luminance is averaged geometrically: the log-average luminance of tone mapping (Reinhard
+/// et al. 2002), here a local one.
+const LOG_AVERAGE_RADIUS: usize = 9;
+const LOG_AVERAGE_SPAN: usize = 2 * LOG_AVERAGE_RADIUS + 1;
+/// Weight of the squared log-average beside a pixel's own squared radiance (measured: 1 to 10 alike).
+const LOG_AVERAGE_SHARE: f32 = 3.0;
 /// Relative error below which a prediction never disagrees with a pixel.
 const RELATIVE_TOLERANCE: f32 = 0.1;
 /// The same for the pixel's weight, as a part of 1 / weight.
-const LEVEL_TOLERANCE: f32 = 1e-3;
+const WEIGHT_TOLERANCE: f32 = 1e-3;
 
-const INPUT_HEIGHT: usize = BLOCK_HEIGHT + 2 * PREPARE_HALO;
+const INPUT_HEIGHT: usize = BLOCK_HEIGHT + 2 * WEIGHTS_HALO;
 /// Means over 3 x 3 pixels reach one pixel less far than their input.
 const MEAN_HEIGHT: usize = INPUT_HEIGHT - 2;
 /// Columns of the means: those that are read, and more to fill registers.
@@ -59,14 +60,14 @@ impl ColourBlock {
         good: [[0.0; INPUT_COLUMNS]; INPUT_HEIGHT],
     };
     /// Columns of its planes that are read, from the first; the others may hold any finite number.
-    pub const WIDTH: usize = BLOCK_WIDTH + 2 * PREPARE_HALO;
+    pub const WIDTH: usize = BLOCK_WIDTH + 2 * WEIGHTS_HALO;
     /// Rows of its planes.
     pub const HEIGHT: usize = INPUT_HEIGHT;
 }
 
 /// Weights, variances and tolerances of a block (see [`crate::Pixel`]).
 #[derive(Clone, Debug, PartialEq)]
-pub struct PreparedBlock {
+pub struct WeightBlock {
     /// `1 / (L^2 + 3 G^2)`, L the mean luminance of the 3 x 3 pixels around, G the geometric mean of L over the 19 x 19 around;
     /// 0 for a bad pixel and where all of those are black.
     ///
@@ -80,7 +81,7 @@ pub struct PreparedBlock {
     pub tolerance: BlockPlane,
 }
 
-impl PreparedBlock {
+impl WeightBlock {
     /// A block that no fit reads.
     pub const EMPTY: Self = Self {
         weight: [[0.0; BLOCK_COLUMNS]; BLOCK_HEIGHT],
@@ -91,51 +92,51 @@ impl PreparedBlock {
 
 /// Works out a block. The stack holds some 25 KiB.
 #[inline(always)]
-pub fn prepare(input: &ColourBlock, output: &mut PreparedBlock) {
+pub fn weigh_samples(input: &ColourBlock, output: &mut WeightBlock) {
     let mut logs = [LogRow::ZERO; MEAN_HEIGHT];
-    // The mean luminance of the block itself, which begins where the first level is in the middle of its neighbourhood.
+    // The mean luminance of the block itself, which begins where the first log-average is in the middle of its neighbourhood.
     let mut means = [[0.0; BLOCK_COLUMNS]; BLOCK_HEIGHT];
     for y in 0..MEAN_HEIGHT {
         let shares = shares_3x3(&input.good, y);
         let mean = means_3x3(&input.luminance, y, &shares);
         logs[y] = log_row(&mean);
-        if (LEVEL_RADIUS..LEVEL_RADIUS + BLOCK_HEIGHT).contains(&y) {
-            means[y - LEVEL_RADIUS] = *columns(&mean, LEVEL_RADIUS);
+        if (LOG_AVERAGE_RADIUS..LOG_AVERAGE_RADIUS + BLOCK_HEIGHT).contains(&y) {
+            means[y - LOG_AVERAGE_RADIUS] = *columns(&mean, LOG_AVERAGE_RADIUS);
         }
     }
     let mut sums = LogRow::ZERO;
-    for y in 0..LEVEL_SPAN - 1 {
+    for y in 0..LOG_AVERAGE_SPAN - 1 {
         sums.add(&logs[y]);
     }
     for y in 0..BLOCK_HEIGHT {
-        sums.add(&logs[y + LEVEL_SPAN - 1]);
-        let level = geometric_means(&sums);
+        sums.add(&logs[y + LOG_AVERAGE_SPAN - 1]);
+        let log_average = geometric_means(&sums);
         sums.subtract(&logs[y]);
-        prepare_row(input, y, &means[y], &level, output);
+        weigh_row(input, y, &means[y], &log_average, output);
     }
 }
 
-/// Row `y` of the block, from its mean luminance and its local level.
+/// Row `y` of the block, from its mean luminance and its log-average.
 #[inline(always)]
-fn prepare_row(
+fn weigh_row(
     input: &ColourBlock,
     y: usize,
     means: &BlockRow,
-    level: &BlockRow,
-    output: &mut PreparedBlock,
+    log_average: &BlockRow,
+    output: &mut WeightBlock,
 ) {
-    let shares = shares_3x3(&input.good, y + LEVEL_RADIUS);
-    let variances = means_3x3(&input.variance, y + LEVEL_RADIUS, &shares);
-    let variances: &BlockRow = columns(&variances, LEVEL_RADIUS);
+    let shares = shares_3x3(&input.good, y + LOG_AVERAGE_RADIUS);
+    let variances = means_3x3(&input.variance, y + LOG_AVERAGE_RADIUS, &shares);
+    let variances: &BlockRow = columns(&variances, LOG_AVERAGE_RADIUS);
     let luminance = medians(&input.luminance, y);
     let spreads = medians(&input.variance, y);
-    let own: &BlockRow = columns(&input.variance[y + PREPARE_HALO], PREPARE_HALO);
-    let good: &BlockRow = columns(&input.good[y + PREPARE_HALO], PREPARE_HALO);
+    let own: &BlockRow = columns(&input.variance[y + WEIGHTS_HALO], WEIGHTS_HALO);
+    let good: &BlockRow = columns(&input.good[y + WEIGHTS_HALO], WEIGHTS_HALO);
     let weights = &mut output.weight[y];
     let tolerances = &mut output.tolerance[y];
     for x in 0..BLOCK_COLUMNS {
         let square = means[x] * means[x];
-        let scale = square + LEVEL_SHARE * level[x] * level[x];
+        let scale = square + LOG_AVERAGE_SHARE * log_average[x] * log_average[x];
         let usable = scale > f32::MIN_POSITIVE && scale <= f32::MAX;
         weights[x] = if usable { good[x] / scale } else { 0.0 };
         // The noise around, relative to the radiance around: beside a bright edge its mean alone would excuse anything.
@@ -143,7 +144,7 @@ fn prepare_row(
         let noise = variances[x] / larger(square, f32::MIN_POSITIVE) * median * median;
         let spread = larger(larger(spreads[x], own[x]), noise);
         let radiance = RELATIVE_TOLERANCE * median;
-        tolerances[x] = spread + 3.0 * (radiance * radiance + LEVEL_TOLERANCE * scale);
+        tolerances[x] = spread + 3.0 * (radiance * radiance + WEIGHT_TOLERANCE * scale);
     }
     output.variance[y] = *variances;
 }
@@ -157,7 +158,7 @@ fn larger(a: f32, b: f32) -> f32 {
 /// Medians of the 3 x 3 pixels around those of row `y` of the block.
 #[inline(always)]
 fn medians(plane: &ColourPlane, y: usize) -> BlockRow {
-    let row = |dy: usize| columns(&plane[y + PREPARE_HALO - 1 + dy], PREPARE_HALO - 1);
+    let row = |dy: usize| columns(&plane[y + WEIGHTS_HALO - 1 + dy], WEIGHTS_HALO - 1);
     medians_3x3::<{ BLOCK_COLUMNS + 2 }, BLOCK_COLUMNS>([row(0), row(1), row(2)])
 }
 
@@ -249,12 +250,12 @@ fn log_row(luminance: &MeanRow) -> LogRow {
 }
 
 /// [`MEAN_COLUMNS`], and zeros for the sums of columns beyond the block.
-const LOG_COLUMNS: usize = BLOCK_COLUMNS + 2 * LEVEL_RADIUS;
+const LOG_COLUMNS: usize = BLOCK_COLUMNS + 2 * LOG_AVERAGE_RADIUS;
 
 /// Sums of columns x to x + 18, by way of those of 3 and 9.
 #[inline(always)]
 fn sums_of_19(values: &[u32; LOG_COLUMNS]) -> [u32; BLOCK_COLUMNS] {
-    const _: () = assert!(LEVEL_SPAN == 3 * 3 * 2 + 1);
+    const _: () = assert!(LOG_AVERAGE_SPAN == 3 * 3 * 2 + 1);
     let mut threes = [0u32; BLOCK_COLUMNS + 15];
     for x in 0..BLOCK_COLUMNS + 15 {
         threes[x] = values[x]

@@ -118,7 +118,7 @@ fn to_range<const D: usize, const L: usize>(
     } else {
         sums.take_in::<false>(windows, extent, scale);
     }
-    sums.about_mean(&extent.pixels)
+    sums.centred(&extent.pixels)
 }
 
 /// Sums over the mapped features of the valid pixels.
@@ -144,16 +144,16 @@ impl<const D: usize, const L: usize> RangeSums<D, L> {
             }
             lanes_stay_innermost();
         }
-        let features = windows.features.chunks_exact_mut(CHUNK);
-        for (features, samples) in features.zip(windows.samples.chunks_exact(CHUNK)) {
+        let features = windows.features.chunks_exact_mut(BATCH);
+        for (features, samples) in features.zip(windows.samples.chunks_exact(BATCH)) {
             let (Some(features), Some(samples)) = (
-                features.first_chunk_mut::<CHUNK>(),
-                samples.first_chunk::<CHUNK>(),
+                features.first_chunk_mut::<BATCH>(),
+                samples.first_chunk::<BATCH>(),
             ) else {
                 break;
             };
-            let mut rows = Aligned([[[0.0; L]; D]; CHUNK]);
-            for p in 0..CHUNK {
+            let mut rows = Aligned([[[0.0; L]; D]; BATCH]);
+            for p in 0..BATCH {
                 for j in 0..D {
                     for l in 0..L {
                         let value = features[p][j][l];
@@ -175,10 +175,10 @@ impl<const D: usize, const L: usize> RangeSums<D, L> {
     }
 
     #[inline(always)]
-    fn add(&mut self, rows: &[[[f32; L]; D]; CHUNK]) {
+    fn add(&mut self, rows: &[[[f32; L]; D]; BATCH]) {
         for j in 0..D {
             let products = &mut self.products.0[j];
-            add_products::<f32, D, CHUNK, L>(products, j..D, |p| &rows[p][j], |p| &rows[p]);
+            add_products::<f32, D, BATCH, L>(products, j..D, |p| &rows[p][j], |p| &rows[p]);
             let mut total = self.totals.0[j];
             for row in rows {
                 for l in 0..L {
@@ -192,7 +192,7 @@ impl<const D: usize, const L: usize> RangeSums<D, L> {
 
     /// The products with the means taken off.
     #[inline(always)]
-    fn about_mean(self, pixels: &[f32; L]) -> [[[f32; L]; D]; D] {
+    fn centred(self, pixels: &[f32; L]) -> [[[f32; L]; D]; D] {
         let mut products = self.products.0;
         for j in 0..D {
             for k in j..D {
@@ -210,8 +210,8 @@ impl<const D: usize, const L: usize> RangeSums<D, L> {
 }
 
 /// Pixels that are mapped at a time: a row of sums stays in registers over them.
-const CHUNK: usize = 19;
-const _: () = assert!(WINDOW_AREA % CHUNK == 0);
+const BATCH: usize = 19;
+const _: () = assert!(WINDOW_AREA % BATCH == 0);
 
 /// `value`, or the nearest of low..=high; 0 if there is no such range.
 #[inline(always)]

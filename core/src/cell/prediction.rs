@@ -1,11 +1,11 @@
-//! The predictions of models, each weighted by how well its model does around the pixel.
+//! The predictions of models, and the confidence in each: how well its model does around the pixel.
 
 #![expect(
     clippy::needless_range_loop,
     reason = "the loops follow the indices of the formulas"
 )]
 
-use crate::blend::{ERROR_SOFTENING, LayerTile, Predictions, Sum, reliability};
+use crate::blend::{self, ERROR_SOFTENING, LayerTile, Predictions, Sum};
 use crate::cell::model::{Coefficients, Models, evaluate};
 use crate::cell::rings::{Centre, RING_STEPS, RINGS, window_pixels};
 use crate::cell::window::{Sample, Windows};
@@ -14,7 +14,7 @@ use crate::params::Formulas;
 use crate::tile::{RADIUS, WINDOW_AREA};
 
 /// Squared distance, in units of a pixel's tolerance, at which a prediction that the pixel itself speaks against loses
-/// half its weight (measured: 1.5^2; the one remedy for dark pixels beside bright ones).
+/// half its confidence (measured: 1.5^2; the one remedy for dark pixels beside bright ones).
 const DISAGREEMENT: f32 = 2.25;
 
 /// Pixels as which the mean over the whole prediction window counts beside the nine whose squared distances make a local error: nine alone
@@ -25,7 +25,7 @@ const WINDOW_SHARE: f32 = 10.0;
 /// speak for all (measured: 20 to 500 alike).
 const LARGEST_DISTANCE: f32 = 100.0;
 
-/// Part of its weight that a prediction would lose one ring beyond its window: a model is at its best around its centre (measured: 0.5 to
+/// Part of its confidence that a prediction would lose one ring beyond its window: a model is at its best around its centre (measured: 0.5 to
 /// 0.9 alike).
 const EDGE_LOSS: f32 = 0.5;
 
@@ -78,14 +78,14 @@ fn ring_of(i: usize) -> f32 {
     f32::from(column.unsigned_abs().max(row.unsigned_abs()))
 }
 
-/// The predictions of the models of `L` windows, ring after ring, and their weights.
+/// The predictions of the models of `L` windows, ring after ring, and the confidence in each.
 #[repr(C, align(64))]
 pub(crate) struct PredictionWindows<const L: usize> {
-    /// Radiance, in the end times the weight.
+    /// Radiance, in the end times the confidence.
     colour: [[[f32; L]; 3]; WINDOW_AREA],
     /// 0 for a prediction that left f32.
-    weight: [[f32; L]; WINDOW_AREA],
-    /// Estimated squared error times the weight.
+    confidence: [[f32; L]; WINDOW_AREA],
+    /// Estimated squared error times the confidence.
     error: [[f32; L]; WINDOW_AREA],
     /// Squared distance between prediction and pixel over the pixel's variance, raster order with a margin.
     distance: [[f32; L]; SIDE * SIDE],
@@ -100,7 +100,7 @@ pub(crate) struct PredictionWindows<const L: usize> {
 impl<const L: usize> PredictionWindows<L> {
     pub(crate) const EMPTY: Self = Self {
         colour: [[[0.0; L]; 3]; WINDOW_AREA],
-        weight: [[0.0; L]; WINDOW_AREA],
+        confidence: [[0.0; L]; WINDOW_AREA],
         error: [[0.0; L]; WINDOW_AREA],
         distance: [[0.0; L]; SIDE * SIDE],
         known: [[0.0; L]; SIDE * SIDE],
@@ -108,7 +108,7 @@ impl<const L: usize> PredictionWindows<L> {
         pixels: [0.0; L],
     };
 
-    /// Predicts the models' windows and weighs the predictions.
+    /// Predicts the models' windows and rates the predictions.
     #[inline(always)]
     pub(crate) fn predict<const T: usize, const D: usize>(
         &mut self,
@@ -123,7 +123,7 @@ impl<const L: usize> PredictionWindows<L> {
         let widest = models.radius.iter().fold(0, |a, b| a.max(*b));
         let (mut radiance, mut predicted) = ([0.0; L], [0.0; L]);
         for l in 0..L {
-            radiance[l] = 1.0 / windows.per_radiance[l];
+            radiance[l] = 1.0 / windows.radiance_scale[l];
             predicted[l] = window_pixels(models.radius[l]) as f32;
         }
         let pixels = windows.features.iter().zip(&windows.samples);
@@ -140,13 +140,14 @@ impl<const L: usize> PredictionWindows<L> {
             lanes_stay_innermost();
         }
         let common = self.common(models, windows);
-        self.weigh(&common, &windows.samples, formulas, widest);
+        self.rate(&common, &windows.samples, formulas, widest);
     }
 
     /// Compares a prediction of each model with its pixel; `pixels` of each window are predicted.
     #[inline(always)]
     fn judge(&mut self, i: usize, colour: &[[f32; L]; 3], sample: &Sample<L>, pixels: &[f32; L]) {
-        let (Some(weight), Some(&position)) = (self.weight.get_mut(i), RASTER.get(i)) else {
+        let (Some(confidence), Some(&position)) = (self.confidence.get_mut(i), RASTER.get(i))
+        else {
             return;
         };
         let (Some(distance), Some(known)) = (
@@ -166,7 +167,7 @@ impl<const L: usize> PredictionWindows<L> {
             let valid = sample.weight[l] > 0.0;
             let squared = if valid { squared[l] } else { 0.0 };
             let disagreement = squared / (DISAGREEMENT * sample.tolerance[l] + f32::MIN_POSITIVE);
-            weight[l] = 1.0 / (1.0 + disagreement);
+            confidence[l] = 1.0 / (1.0 + disagreement);
             // Relative to a variance of 0 every error is infinite: a millionth of the squared radiance bounds it.
             let relative =
                 squared * sample.weight[l] / (sample.variance[l] * sample.weight[l] + 1e-6);
@@ -186,7 +187,7 @@ impl<const L: usize> PredictionWindows<L> {
 
     /// Confidences of the predictions by how well the model does around each, and their estimated errors.
     #[inline(always)]
-    fn weigh(
+    fn rate(
         &mut self,
         common: &Common<L>,
         samples: &[Sample<L>; WINDOW_AREA],
@@ -195,8 +196,8 @@ impl<const L: usize> PredictionWindows<L> {
     ) {
         for (i, sample) in samples.iter().enumerate().take(window_pixels(widest)) {
             let bias = self.local_error(i, &common.expected);
-            let (Some(weight), Some(error), Some(colour)) = (
-                self.weight.get_mut(i),
+            let (Some(confidence), Some(error), Some(colour)) = (
+                self.confidence.get_mut(i),
                 self.error.get_mut(i),
                 self.colour.get_mut(i),
             ) else {
@@ -207,7 +208,7 @@ impl<const L: usize> PredictionWindows<L> {
                 let own = match formulas {
                     Formulas::Robust => {
                         let share = 1.0 - common.edge_loss[l] * ring * ring;
-                        weight[l] * share * reliability(bias[l] + ERROR_SOFTENING)
+                        confidence[l] * share * blend::confidence(bias[l] + ERROR_SOFTENING)
                     }
                     Formulas::Literal => 1.0,
                 };
@@ -217,7 +218,7 @@ impl<const L: usize> PredictionWindows<L> {
                 let squared = squared * own;
                 // Not a number, too, where two of them are infinite.
                 let kept = (r + g + b + squared).is_finite();
-                weight[l] = if kept { own } else { 0.0 };
+                confidence[l] = if kept { own } else { 0.0 };
                 error[l] = if kept { squared } else { 0.0 };
                 colour[0][l] = if kept { r } else { 0.0 };
                 colour[1][l] = if kept { g } else { 0.0 };
@@ -252,8 +253,8 @@ impl<const L: usize> PredictionWindows<L> {
             common.edge_loss[l] = EDGE_LOSS / (beyond * beyond);
             let pixels = window_pixels(models.radius[l]) as f32;
             common.fit_variance[l] = (models.terms[l] as f32 / pixels).min(1.0);
-            let per_radiance = windows.per_radiance[l];
-            common.per_channel[l] = 1.0 / (per_radiance * per_radiance) / 3.0;
+            let radiance_scale = windows.radiance_scale[l];
+            common.per_channel[l] = 1.0 / (radiance_scale * radiance_scale) / 3.0;
         }
         common
     }
@@ -299,27 +300,29 @@ impl<const L: usize> PredictionWindows<L> {
         };
         let rank = (terms - 1) as f32;
         let centre = centre.position();
-        let own = self.colour.iter().zip(&self.weight).zip(&self.error);
-        for (((colour, weight), error), &step) in own.zip(&RING_STEPS).take(window_pixels(radius)) {
-            let (Some(sum), Some(&weight), Some(&error)) = (
+        let own = self.colour.iter().zip(&self.confidence).zip(&self.error);
+        for (((colour, confidence), error), &step) in
+            own.zip(&RING_STEPS).take(window_pixels(radius))
+        {
+            let (Some(sum), Some(&confidence), Some(&error)) = (
                 predictions.sums.get_mut(centre.wrapping_add_signed(step)),
-                weight.get(l),
+                confidence.get(l),
                 error.get(l),
             ) else {
                 return;
             };
             sum.add(&Sum {
                 colour: of_lane(colour, l),
-                weight,
+                confidence,
                 error,
-                radius: radius as f32 * weight,
-                rank: rank * weight,
+                radius: radius as f32 * confidence,
+                rank: rank * confidence,
             });
             lanes_stay_innermost();
         }
     }
 
-    /// Predicts a layer by its coefficients; [`add_layer_to`](Self::add_layer_to) has the weights of the beauty's.
+    /// Predicts a layer by its coefficients; [`add_layer_to`](Self::add_layer_to) has the confidences of the colour's.
     #[inline(always)]
     pub(crate) fn predict_layer<const T: usize, const D: usize>(
         &mut self,
@@ -345,16 +348,16 @@ impl<const L: usize> PredictionWindows<L> {
             return;
         };
         let centre = centre.position();
-        let own = self.colour.iter().zip(&self.weight).zip(&RING_STEPS);
-        for ((colour, weight), &step) in own.take(window_pixels(radius)) {
-            let (Some(sum), Some(&weight)) = (
+        let own = self.colour.iter().zip(&self.confidence).zip(&RING_STEPS);
+        for ((colour, confidence), &step) in own.take(window_pixels(radius)) {
+            let (Some(sum), Some(&confidence)) = (
                 layer.sums.get_mut(centre.wrapping_add_signed(step)),
-                weight.get(l),
+                confidence.get(l),
             ) else {
                 return;
             };
             for (sum, value) in sum.iter_mut().zip(of_lane(colour, l)) {
-                let added = value * weight;
+                let added = value * confidence;
                 if added.is_finite() {
                     *sum += added;
                 }

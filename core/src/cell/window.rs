@@ -53,7 +53,7 @@ pub(crate) struct Windows<const D: usize, const L: usize> {
     pub(crate) features: [[[f32; L]; D]; WINDOW_AREA],
     pub(crate) samples: [Sample<L>; WINDOW_AREA],
     /// Radiance of 1 in each window's unit.
-    pub(crate) per_radiance: [f32; L],
+    pub(crate) radiance_scale: [f32; L],
     /// Windows that have a model: those with a centre and a valid pixel.
     pub(crate) live: [bool; L],
 }
@@ -71,7 +71,7 @@ impl<const D: usize, const L: usize> Windows<D, L> {
     pub(crate) const ZERO: Self = Self {
         features: [[[0.0; L]; D]; WINDOW_AREA],
         samples: [Sample::ZERO; WINDOW_AREA],
-        per_radiance: [1.0; L],
+        radiance_scale: [1.0; L],
         live: [false; L],
     };
 
@@ -118,20 +118,20 @@ impl<const D: usize, const L: usize> Windows<D, L> {
     /// Brings radiance to the unit in which the largest weight is 1, so that no exposure overflows.
     #[inline(always)]
     fn use_own_unit(&mut self, largest_weight: &[f32; L]) {
-        let mut per_radiance = [1.0; L];
+        let mut radiance_scale = [1.0; L];
         let mut largest = [1.0; L];
         for l in 0..L {
             self.live[l] = largest_weight[l] > 0.0 && largest_weight[l].is_finite();
             if self.live[l] {
                 largest[l] = largest_weight[l];
             }
-            per_radiance[l] = sqrt(largest[l]);
+            radiance_scale[l] = sqrt(largest[l]);
         }
-        self.per_radiance = per_radiance;
+        self.radiance_scale = radiance_scale;
         for sample in &mut self.samples {
             for l in 0..L {
                 for c in 0..3 {
-                    sample.colour[c][l] *= per_radiance[l];
+                    sample.colour[c][l] *= radiance_scale[l];
                 }
                 sample.weight[l] /= largest[l];
                 sample.variance[l] *= largest[l];

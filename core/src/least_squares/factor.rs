@@ -113,7 +113,11 @@ impl<const T: usize, const L: usize> Factor<T, L> {
     /// Degrees of freedom, `trace(P sum w z z^T) = sum over terms of (1 - strength P_jj)`; terms without information
     /// have none, and those that are 0 at every pixel none at all, however many of them there are.
     #[inline(always)]
-    pub(crate) fn freedom(&self, gram: &[[[f64; L]; T]; T], strengths: &[[f32; L]; T]) -> [f32; L] {
+    pub(crate) fn degrees_of_freedom(
+        &self,
+        gram: &[[[f64; L]; T]; T],
+        strengths: &[[f32; L]; T],
+    ) -> [f32; L] {
         let mut sum = [0.0; L];
         for column in 0..T {
             let mut x = Aligned([[0.0; L]; T]);
@@ -139,10 +143,10 @@ impl<const T: usize, const L: usize> Factor<T, L> {
                 sum[l] += if informed && left > 0.0 { left } else { 0.0 };
             }
         }
-        let mut freedom = [0.0; L];
+        let mut degrees_of_freedom = [0.0; L];
         for l in 0..L {
-            freedom[l] = saturate(sum[l]);
+            degrees_of_freedom[l] = saturate(sum[l]);
         }
-        freedom
+        degrees_of_freedom
     }
 }

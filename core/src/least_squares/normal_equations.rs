@@ -21,7 +21,7 @@ use crate::float::{ln_f64, saturate, sqrt_f64};
 use crate::least_squares::dot::finite_dot;
 use crate::least_squares::factor::Factor;
 use crate::least_squares::prior::Prior;
-use crate::least_squares::sums::{Chunk, Equations};
+use crate::least_squares::sums::{Batch, Sums};
 use crate::tile::CHANNELS;
 
 /// A sum was not finite, because a regressor, radiance, weight or the prior was not.
@@ -40,15 +40,13 @@ impl core::error::Error for NotFinite {}
 /// `sum w z z^T` over pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gram<const T: usize> {
-    sums: Equations<T, 1>,
+    sums: Sums<T, 1>,
 }
 
 impl<const T: usize> Gram<T> {
     /// The sum over no pixels.
     pub const fn new() -> Self {
-        Self {
-            sums: Equations::new(),
-        }
+        Self { sums: Sums::new() }
     }
 
     /// Adds one pixel's `w z z^T`.
@@ -79,15 +77,13 @@ impl<const T: usize> Default for Gram<T> {
 /// aligns them to 64.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NormalEquations<const T: usize> {
-    sums: Equations<T, 1>,
+    sums: Sums<T, 1>,
 }
 
 impl<const T: usize> NormalEquations<T> {
     /// The sums over no pixels.
     pub const fn new() -> Self {
-        Self {
-            sums: Equations::new(),
-        }
+        Self { sums: Sums::new() }
     }
 
     /// Adds one pixel: regressors `z` (1 first), radiance `y`, `weight >= 0` of its squared residual.
@@ -152,12 +148,12 @@ impl<const T: usize> Default for NormalEquations<T> {
     }
 }
 
-fn one_pixel<const T: usize>(z: &[f32; T], y: &[f32; CHANNELS], weight: f32) -> Chunk<T, 1, 1> {
-    let mut chunk = Chunk::ZERO;
+fn one_pixel<const T: usize>(z: &[f32; T], y: &[f32; CHANNELS], weight: f32) -> Batch<T, 1, 1> {
+    let mut batch = Batch::ZERO;
     let regressors = z.map(|v| [v]);
     let regressor = |t: usize| regressors.get(t).unwrap_or(&[0.0]);
-    chunk.set(0, regressor, &y.map(|v| [v]), &[weight]);
-    chunk
+    batch.set(0, regressor, &y.map(|v| [v]), &[weight]);
+    batch
 }
 
 /// A fitted model: coefficients, and the factor of P that its uncertainty needs.

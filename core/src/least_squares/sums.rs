@@ -16,7 +16,7 @@ use crate::tile::CHANNELS;
 /// Sums over the pixels so far; the first regressor is the intercept.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
-pub(crate) struct Equations<const T: usize, const L: usize> {
+pub(crate) struct Sums<const T: usize, const L: usize> {
     /// Upper triangle of `sum w z z^T`; what is below it is 0 and never read.
     pub(crate) gram: [[[f64; L]; T]; T],
     /// `sum w z y` per channel.
@@ -25,7 +25,7 @@ pub(crate) struct Equations<const T: usize, const L: usize> {
     pub(crate) squares: [[f64; L]; CHANNELS],
 }
 
-impl<const T: usize, const L: usize> Equations<T, L> {
+impl<const T: usize, const L: usize> Sums<T, L> {
     /// The sums over no pixels.
     pub(crate) const fn new() -> Self {
         Self {
@@ -35,23 +35,23 @@ impl<const T: usize, const L: usize> Equations<T, L> {
         }
     }
 
-    /// Adds the pixels of a chunk to each lane, in order; a weight of 0 adds nothing.
+    /// Adds the pixels of a batch to each lane, in order; a weight of 0 adds nothing.
     #[inline(always)]
-    pub(crate) fn add<const N: usize>(&mut self, chunk: &Chunk<T, L, N>) {
+    pub(crate) fn add<const N: usize>(&mut self, batch: &Batch<T, L, N>) {
         for i in 0..T {
             add_products::<f64, T, N, L>(
                 &mut self.gram[i],
                 i..T,
-                |p| &chunk.weighted[p][i],
-                |p| &chunk.regressors[p],
+                |p| &batch.weighted[p][i],
+                |p| &batch.regressors[p],
             );
         }
-        chunk.add_to_moments(&mut self.moments);
+        batch.add_to_moments(&mut self.moments);
         for p in 0..N {
             for c in 0..CHANNELS {
                 for l in 0..L {
-                    let y = chunk.response[p][c][l];
-                    self.squares[c][l] += chunk.weight[p][l] * y * y;
+                    let y = batch.response[p][c][l];
+                    self.squares[c][l] += batch.weight[p][l] * y * y;
                 }
                 lanes_stay_innermost();
             }
@@ -60,11 +60,11 @@ impl<const T: usize, const L: usize> Equations<T, L> {
 
     /// `sum w z (y - beta^T z)` for a model `beta` that is but an intercept.
     #[inline(always)]
-    pub(crate) fn moments_about(
+    pub(crate) fn centred_moments(
         &self,
         intercepts: &[[f32; L]; CHANNELS],
     ) -> [[[f64; L]; T]; CHANNELS] {
-        about(&self.gram, &self.moments, intercepts)
+        centred_moments(&self.gram, &self.moments, intercepts)
     }
 
     /// `sum w (beta^T z - y)^2` per channel over the pixels so far, without touching them again; never negative.
@@ -99,28 +99,28 @@ impl<const T: usize, const L: usize> Equations<T, L> {
 
 /// `moments - gram beta` for a model `beta` that is but an intercept.
 #[inline(always)]
-pub(crate) fn about<const T: usize, const L: usize>(
+pub(crate) fn centred_moments<const T: usize, const L: usize>(
     gram: &[[[f64; L]; T]; T],
     moments: &[[[f64; L]; T]; CHANNELS],
     intercepts: &[[f32; L]; CHANNELS],
 ) -> [[[f64; L]; T]; CHANNELS] {
-    let mut about = *moments;
+    let mut centred = *moments;
     for c in 0..CHANNELS {
         let intercept = widened(&intercepts[c]);
         for j in 0..T {
             for l in 0..L {
-                about[c][j][l] -= gram[0][j][l] * intercept[l];
+                centred[c][j][l] -= gram[0][j][l] * intercept[l];
             }
             lanes_stay_innermost();
         }
     }
-    about
+    centred
 }
 
 /// `N` pixels of each lane in double precision: several at a time, so that sums stay in registers over them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
-pub(crate) struct Chunk<const T: usize, const L: usize, const N: usize> {
+pub(crate) struct Batch<const T: usize, const L: usize, const N: usize> {
     /// z.
     regressors: [[[f64; L]; T]; N],
     /// w z.
@@ -131,7 +131,7 @@ pub(crate) struct Chunk<const T: usize, const L: usize, const N: usize> {
     weight: [[f64; L]; N],
 }
 
-impl<const T: usize, const L: usize, const N: usize> Chunk<T, L, N> {
+impl<const T: usize, const L: usize, const N: usize> Batch<T, L, N> {
     /// Pixels without weight.
     pub(crate) const ZERO: Self = Self {
         regressors: [[[0.0; L]; T]; N],

@@ -23,7 +23,7 @@ use crate::cell::window::{Sample, Windows};
 use crate::float::saturate;
 use crate::lanes::{Aligned, lanes_stay_innermost};
 use crate::least_squares::factor::Factor;
-use crate::least_squares::sums::{Chunk, Equations, about};
+use crate::least_squares::sums::{Batch, Sums, centred_moments};
 use crate::params::Params;
 use crate::tile::{CHANNELS, RADIUS, WINDOW_AREA};
 
@@ -75,23 +75,23 @@ impl<const T: usize, const D: usize, const L: usize> Fit<T, D, L> for Systems<T,
         let (centre, rings) = windows.features.split_at_mut(1);
         let (own, samples) = windows.samples.split_at(1);
         if let (Some(features), Some(samples)) = (centre.first_chunk_mut(), own.first_chunk()) {
-            let mut alone = Chunk::ZERO;
+            let mut alone = Batch::ZERO;
             growth.take_in::<1, D>(0, features, samples, basis, &mut alone);
         }
-        let mut chunk = Chunk::ZERO;
-        // A ring is 8 r pixels: r chunks.
-        let chunks = rings
-            .chunks_exact_mut(CHUNK)
-            .zip(samples.chunks_exact(CHUNK));
-        let mut chunks = chunks.filter_map(|(rings, samples)| {
+        let mut batch = Batch::ZERO;
+        // A ring is 8 r pixels: r batches.
+        let batches = rings
+            .chunks_exact_mut(BATCH)
+            .zip(samples.chunks_exact(BATCH));
+        let mut batches = batches.filter_map(|(rings, samples)| {
             Some((
-                rings.first_chunk_mut::<CHUNK>()?,
-                samples.first_chunk::<CHUNK>()?,
+                rings.first_chunk_mut::<BATCH>()?,
+                samples.first_chunk::<BATCH>()?,
             ))
         });
         for radius in 1..=RADIUS {
-            for (features, samples) in chunks.by_ref().take(radius) {
-                growth.take_in::<CHUNK, D>(radius, features, samples, basis, &mut chunk);
+            for (features, samples) in batches.by_ref().take(radius) {
+                growth.take_in::<BATCH, D>(radius, features, samples, basis, &mut batch);
                 lanes_stay_innermost();
             }
             growth.choose(radius, params);
@@ -108,7 +108,7 @@ impl<const T: usize, const D: usize, const L: usize> Fit<T, D, L> for Systems<T,
     ) -> Coefficients<T, L> {
         let [centre, ..] = layer;
         let mut moments = [[[0.0; L]; T]; CHANNELS];
-        let mut chunk = Chunk::<T, L, 1>::ZERO;
+        let mut batch = Batch::<T, L, 1>::ZERO;
         let pixels = windows.features.iter().zip(&windows.samples).zip(layer);
         for (i, ((features, sample), colour)) in pixels.enumerate() {
             let mut weight = nearness_times::<T, D, L>(features, &sample.weight);
@@ -117,17 +117,17 @@ impl<const T: usize, const D: usize, const L: usize> Fit<T, D, L> for Systems<T,
                     weight[l] = 0.0;
                 }
             }
-            chunk.set(0, |t| regressor(features, t), colour, &weight);
-            chunk.add_to_moments(&mut moments);
+            batch.set(0, |t| regressor(features, t), colour, &weight);
+            batch.add_to_moments(&mut moments);
             lanes_stay_innermost();
         }
-        let change = about(&self.gram, &moments, centre);
+        let change = centred_moments(&self.gram, &moments, centre);
         minimiser(&self.factor, change, centre).0
     }
 }
 
 /// Pixels that are taken in at a time.
-const CHUNK: usize = 8;
+const BATCH: usize = 8;
 
 /// A pixel's weight, less as it is farther from the centre in the local features of `T` terms: a line holds nearby.
 #[inline(always)]
@@ -151,7 +151,7 @@ fn nearness_times<const T: usize, const D: usize, const L: usize>(
 
 /// Models while their windows grow.
 struct Growth<const T: usize, const L: usize> {
-    sums: Equations<T, L>,
+    sums: Sums<T, L>,
     previous: Aligned<Coefficients<T, L>>,
     centre: [[f32; L]; CHANNELS],
     /// 1 where the centre is fitted, 0 where it only starts the prior.
@@ -174,7 +174,7 @@ impl<const T: usize, const L: usize> Growth<T, L> {
     #[inline(always)]
     fn new(centre: &Sample<L>, rank: [usize; L], keep_systems: bool) -> Self {
         let mut growth = Self {
-            sums: Equations::new(),
+            sums: Sums::new(),
             previous: Aligned([[[0.0; L]; T]; CHANNELS]),
             centre: centre.colour,
             centre_counts: [0.0; L],
@@ -204,13 +204,13 @@ impl<const T: usize, const L: usize> Growth<T, L> {
         features: &mut [[[f32; L]; D]; N],
         samples: &[Sample<L>; N],
         basis: &Basis<D, L>,
-        chunk: &mut Chunk<T, L, N>,
+        batch: &mut Batch<T, L, N>,
     ) {
         for p in 0..N {
             let (features, sample) = (&mut features[p], &samples[p]);
             project::<T, D, L>(features, basis);
             let weight = nearness_times::<T, D, L>(features, &sample.weight);
-            chunk.set(p, |t| regressor(features, t), &sample.colour, &weight);
+            batch.set(p, |t| regressor(features, t), &sample.colour, &weight);
             if radius >= FIRST_TEST_RING {
                 let squared = squared_distance(&self.previous.0, features, &sample.colour);
                 for l in 0..L {
@@ -225,7 +225,7 @@ impl<const T: usize, const L: usize> Growth<T, L> {
             }
             lanes_stay_innermost();
         }
-        self.sums.add(chunk);
+        self.sums.add(batch);
     }
 
     /// Fits what has been taken in up to ring `radius`, and keeps each model whose risk is the least so far.
@@ -233,7 +233,7 @@ impl<const T: usize, const L: usize> Growth<T, L> {
     fn choose(&mut self, radius: usize, params: &Params) {
         let (strengths, noise) = self.per_pixel(params);
         let factor = Factor::new(&self.sums.gram, &strengths);
-        let change = self.sums.moments_about(&self.centre);
+        let change = self.sums.centred_moments(&self.centre);
         let (coefficients, finite) = minimiser(&factor, change, &self.centre);
         if radius < FIRST_TEST_RING {
             self.risk = self.stein(&coefficients, &factor, &strengths, &noise);
@@ -299,12 +299,12 @@ impl<const T: usize, const L: usize> Growth<T, L> {
         noise: &[f32; L],
     ) -> [f32; L] {
         let residual = self.sums.residual_squares(coefficients);
-        let freedom = factor.freedom(&self.sums.gram, strengths);
+        let degrees_of_freedom = factor.degrees_of_freedom(&self.sums.gram, strengths);
         let mut risk = [0.0; L];
         for l in 0..L {
             let sum = residual[0][l] + residual[1][l] + residual[2][l];
-            let unbiased = sum - self.noise[l] + 2.0 * noise[l] * freedom[l];
-            let floor = RISK_FLOOR * noise[l] * freedom[l];
+            let unbiased = sum - self.noise[l] + 2.0 * noise[l] * degrees_of_freedom[l];
+            let floor = RISK_FLOOR * noise[l] * degrees_of_freedom[l];
             risk[l] = if unbiased > floor { unbiased } else { floor };
         }
         risk

@@ -1,6 +1,6 @@
 //! A small fixed workload for each of the core's kernels, for `regress.sh` to count instructions in.
 //!
-//! `kernels denoise_cells|prefilter|prepare`. What is counted runs in [`counted`] alone; the images are made outside it. No
+//! `kernels denoise_cells|prefilter|weigh_samples`. What is counted runs in [`counted`] alone; the images are made outside it. No
 //! instruction set beyond the target's own is used.
 
 use std::hint::black_box;
@@ -8,7 +8,7 @@ use std::hint::black_box;
 use anyhow::{Result, bail};
 use linpred_core::{
     Cells, ColourBlock, FeatureGroup, FilteredGroup, LayerTile, Params, Pixel, PixelState,
-    Predictions, PreparedBlock, Scratch, TILE, Tile, denoise_cells, prefilter, prepare,
+    Predictions, Scratch, TILE, Tile, WeightBlock, denoise_cells, prefilter, weigh_samples,
 };
 
 /// Position, normal, albedo and depth, as in the pipeline.
@@ -28,8 +28,8 @@ fn main() -> Result<()> {
     match name.as_str() {
         "denoise_cells" => cells(),
         "prefilter" => filtered_groups(),
-        "prepare" => prepared_blocks(),
-        _ => bail!("kernels denoise_cells|prefilter|prepare"),
+        "weigh_samples" => prepared_blocks(),
+        _ => bail!("kernels denoise_cells|prefilter|weigh_samples"),
     }
     Ok(())
 }
@@ -171,7 +171,7 @@ fn prepared_blocks() {
             block.good[y][x] = 1.0;
         }
     }
-    let mut prepared = Box::new(PreparedBlock::EMPTY);
-    counted(&mut || prepare(&block, &mut prepared));
+    let mut prepared = Box::new(WeightBlock::EMPTY);
+    counted(&mut || weigh_samples(&block, &mut prepared));
     black_box(&prepared);
 }

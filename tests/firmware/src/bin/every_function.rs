@@ -12,8 +12,8 @@ use core::hint::black_box;
 use cortex_m_rt::entry;
 use linpred_core::{
     ColourBlock, FeatureGroup, FilteredGroup, Gram, NoiseBlock, NoisyBlock, NormalEquations,
-    PreparedBlock, Prior, Rls, SymmetricEigen, estimate_colour_noise, estimate_feature_noise,
-    prefilter, prepare,
+    WeightBlock, Prior, Rls, SymmetricEigen, estimate_colour_noise, estimate_feature_noise,
+    prefilter, weigh_samples,
 };
 
 fn recursion<const T: usize>() {
@@ -77,7 +77,7 @@ fn estimates(noisy: &mut NoisyBlock, noise: &mut NoiseBlock) {
 fn main() -> ! {
     // `entry` makes statics of a function that is called once references to them.
     static mut COLOURS: ColourBlock = ColourBlock::BLACK;
-    static mut PREPARED: PreparedBlock = PreparedBlock::EMPTY;
+    static mut PREPARED: WeightBlock = WeightBlock::EMPTY;
     static mut TRIPLE: FeatureGroup<3> = FeatureGroup::ZERO;
     static mut FILTERED_TRIPLE: FilteredGroup<3> = FilteredGroup::ZERO;
     static mut SINGLE: FeatureGroup<1> = FeatureGroup::ZERO;
@@ -85,7 +85,7 @@ fn main() -> ! {
     static mut NOISY: NoisyBlock = NoisyBlock::BLACK;
     static mut NOISE: NoiseBlock = NoiseBlock::NONE;
     loop {
-        prepare(black_box(COLOURS), black_box(PREPARED));
+        weigh_samples(black_box(COLOURS), black_box(PREPARED));
         filtered(TRIPLE, FILTERED_TRIPLE);
         filtered(SINGLE, FILTERED_SINGLE);
         estimates(NOISY, NOISE);
