@@ -9,7 +9,7 @@
 )]
 
 use crate::float::fine_reciprocal_sqrt;
-use crate::lanes::lanes_stay_innermost;
+use crate::lanes::{Lanes, Matrix, Vector, lanes_stay_innermost};
 
 /// Sweeps at most; six are the most seen on windows of real and of adversarial features.
 const SWEEPS: usize = 12;
@@ -51,9 +51,9 @@ impl<const D: usize> SymmetricEigen<D> {
 /// `L` decomposed matrices.
 pub(crate) struct Decomposed<const D: usize, const L: usize> {
     /// Eigenvalues, in no order.
-    pub(crate) values: [[f32; L]; D],
+    pub(crate) values: Vector<D, L>,
     /// The eigenvector of each.
-    pub(crate) vectors: [[[f32; L]; D]; D],
+    pub(crate) vectors: Matrix<D, L>,
     /// Whether the matrix was.
     pub(crate) finite: [bool; L],
 }
@@ -65,7 +65,7 @@ pub(crate) struct Decomposed<const D: usize, const L: usize> {
 /// already is not rotated, so its bits do not depend on the others.
 #[inline(always)]
 pub(crate) fn decorrelate<const D: usize, const L: usize>(
-    matrix: &mut [[[f32; L]; D]; D],
+    matrix: &mut Matrix<D, L>,
     correlation: f32,
 ) -> Decomposed<D, L> {
     let (scale, finite) = scale_and_mirror(matrix);
@@ -96,8 +96,8 @@ pub(crate) fn decorrelate<const D: usize, const L: usize>(
 /// it was finite (one that was not becomes 0).
 #[inline(always)]
 fn scale_and_mirror<const D: usize, const L: usize>(
-    matrix: &mut [[[f32; L]; D]; D],
-) -> ([f32; L], [bool; L]) {
+    matrix: &mut Matrix<D, L>,
+) -> (Lanes<L>, [bool; L]) {
     let mut scale = [0.0f32; L];
     let mut finite = [true; L];
     for i in 0..D {
@@ -136,8 +136,8 @@ fn scale_and_mirror<const D: usize, const L: usize>(
 /// than rounding does. So is one whose square is below `negligible` times the product of its diagonal elements.
 #[inline(always)]
 fn sweep<const D: usize, const L: usize>(
-    matrix: &mut [[[f32; L]; D]; D],
-    vectors: &mut [[[f32; L]; D]; D],
+    matrix: &mut Matrix<D, L>,
+    vectors: &mut Matrix<D, L>,
     negligible: f32,
 ) -> bool {
     let mut rotated = false;
@@ -164,8 +164,8 @@ fn sweep<const D: usize, const L: usize>(
 /// the lanes for which it is not worth it.
 #[inline(always)]
 fn rotate<const D: usize, const L: usize>(
-    matrix: &mut [[[f32; L]; D]; D],
-    vectors: &mut [[[f32; L]; D]; D],
+    matrix: &mut Matrix<D, L>,
+    vectors: &mut Matrix<D, L>,
     p: usize,
     q: usize,
     worth: &[bool; L],
@@ -203,11 +203,11 @@ fn rotate<const D: usize, const L: usize>(
 /// Row p becomes `cosine p - sine q`, row q becomes `sine p + cosine q`.
 #[inline(always)]
 fn mix_rows<const D: usize, const L: usize>(
-    rows: &mut [[[f32; L]; D]; D],
+    rows: &mut Matrix<D, L>,
     p: usize,
     q: usize,
-    cosine: &[f32; L],
-    sine: &[f32; L],
+    cosine: &Lanes<L>,
+    sine: &Lanes<L>,
 ) {
     for k in 0..D {
         let (at_p, at_q) = (rows[p][k], rows[q][k]);

@@ -1,7 +1,30 @@
-//! Loops whose body works on several lanes at once, and what keeps them fast.
+//! Lanes: `L` cells are worked on side by side, one in each lane of the processor's registers. Their types, loops whose body works on all
+//! lanes at once, and what keeps those fast.
+//!
+//! Every function on a cell's or a block's way is `inline(always)`, however large. A caller compiles the whole way into one function of its
+//! own that carries the instruction set (`#[target_feature(enable = "avx2")]`, chosen when the program runs): code that was left outside it
+//! would be compiled for the least that the target has, and called through memory in the middle of a loop. The optimiser's own judgement
+//! depends on sizes and changes with its versions; this does not.
 
 use core::ops::{AddAssign, Mul, Range};
 use core::sync::atomic::{Ordering, compiler_fence};
+
+use crate::tile::CHANNELS;
+
+/// A value of each lane.
+pub(crate) type Lanes<const L: usize> = [f32; L];
+/// `N` values of each lane, those of one index side by side.
+pub(crate) type Vector<const N: usize, const L: usize> = [Lanes<L>; N];
+/// `N x N` values of each lane.
+pub(crate) type Matrix<const N: usize, const L: usize> = [Vector<N, L>; N];
+/// Red, green and blue of each lane.
+pub(crate) type Rgb<const L: usize> = Vector<CHANNELS, L>;
+/// [`Lanes`] in double precision, in which fits add up.
+pub(crate) type WideLanes<const L: usize> = [f64; L];
+/// [`Vector`] in double precision.
+pub(crate) type WideVector<const N: usize, const L: usize> = [WideLanes<L>; N];
+/// [`Matrix`] in double precision.
+pub(crate) type WideMatrix<const N: usize, const L: usize> = [WideVector<N, L>; N];
 
 /// Memory that vector loads like.
 #[derive(Clone, Copy, Debug, PartialEq)]

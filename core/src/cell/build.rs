@@ -6,8 +6,8 @@ use crate::cell::fit::lpr::Lpr;
 use crate::cell::fit::robust::Systems;
 use crate::cell::lent::{Cells, Scratch};
 use crate::cell::rings::{Centre, Centres, RING_STEPS};
+use crate::cell::window::Colours;
 use crate::params::{Formulas, Params};
-use crate::tile::{CHANNELS, WINDOW_AREA};
 
 /// Builds the models of the windows around the centres, and returns the half-widths of their prediction windows.
 ///
@@ -97,7 +97,7 @@ fn read_layer<const D: usize, const L: usize>(
     cells: &mut impl Cells<D>,
     centres: &Centres<L>,
     layer: usize,
-    colours: &mut [[[f32; L]; CHANNELS]; WINDOW_AREA],
+    colours: &mut Colours<L>,
 ) {
     for (lane, centre) in centres.iter().enumerate() {
         let layers = cells.results(lane).1;

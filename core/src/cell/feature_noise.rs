@@ -1,6 +1,7 @@
 //! How much noise the features of each window of a cell have kept.
 
 use crate::cell::rings::{Centre, Centres};
+use crate::lanes::Vector;
 use crate::tile::{CELL, RADIUS, TILE, Tile};
 
 /// Pixels along a window.
@@ -72,7 +73,7 @@ impl<const D: usize> FeatureNoise<D> {
 pub(crate) fn around<const D: usize, const L: usize>(
     cells: &[FeatureNoise<D>; L],
     centres: &Centres<L>,
-) -> [[f32; L]; D] {
+) -> Vector<D, L> {
     let mut sums = [[0.0; L]; D];
     for (lane, (noise, centre)) in cells.iter().zip(centres).enumerate() {
         let Some(centre) = *centre else { continue };

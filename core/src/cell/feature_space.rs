@@ -15,7 +15,7 @@
 
 use crate::cell::window::{Extent, Windows};
 use crate::eigen::{Decomposed, decorrelate};
-use crate::lanes::{Aligned, add_products, lanes_stay_innermost};
+use crate::lanes::{Aligned, Lanes, Matrix, Vector, add_products, lanes_stay_innermost};
 use crate::tile::WINDOW_AREA;
 
 /// A feature that moves less than this part of its magnitude in the window is constant.
@@ -34,7 +34,7 @@ pub const MAX_TERMS: usize = 16;
 #[repr(C, align(64))]
 pub(crate) struct Basis<const D: usize, const L: usize> {
     /// By feature, then by direction, strongest first; 0 beyond the rank.
-    pub(crate) axes: [[[f32; L]; D]; D],
+    pub(crate) axes: Matrix<D, L>,
     /// Directions kept.
     pub(crate) rank: [usize; L],
 }
@@ -54,7 +54,7 @@ impl<const D: usize, const L: usize> Basis<D, L> {
 pub(crate) fn find_basis<const D: usize, const L: usize>(
     windows: &mut Windows<D, L>,
     extent: &Extent<D, L>,
-    variances: &[[f32; L]; D],
+    variances: &Vector<D, L>,
     norm_factor: f32,
     basis: &mut Basis<D, L>,
 ) {
@@ -85,7 +85,7 @@ pub(crate) fn find_basis<const D: usize, const L: usize>(
 
 /// 2 / (high - low) of each feature, 0 for a constant one.
 #[inline(always)]
-fn scales<const D: usize, const L: usize>(extent: &Extent<D, L>) -> [[f32; L]; D] {
+fn scales<const D: usize, const L: usize>(extent: &Extent<D, L>) -> Vector<D, L> {
     let mut scale = [[0.0; L]; D];
     for j in 0..D {
         for l in 0..L {
@@ -106,8 +106,8 @@ fn scales<const D: usize, const L: usize>(extent: &Extent<D, L>) -> [[f32; L]; D
 fn to_range<const D: usize, const L: usize>(
     windows: &mut Windows<D, L>,
     extent: &Extent<D, L>,
-    scale: &[[f32; L]; D],
-) -> [[[f32; L]; D]; D] {
+    scale: &Vector<D, L>,
+) -> Matrix<D, L> {
     let mut sums = RangeSums {
         products: Aligned([[[0.0; L]; D]; D]),
         totals: Aligned([[0.0; L]; D]),
@@ -123,8 +123,8 @@ fn to_range<const D: usize, const L: usize>(
 
 /// Sums over the mapped features of the valid pixels.
 struct RangeSums<const D: usize, const L: usize> {
-    products: Aligned<[[[f32; L]; D]; D]>,
-    totals: Aligned<[[f32; L]; D]>,
+    products: Aligned<Matrix<D, L>>,
+    totals: Aligned<Vector<D, L>>,
 }
 
 impl<const D: usize, const L: usize> RangeSums<D, L> {
@@ -134,7 +134,7 @@ impl<const D: usize, const L: usize> RangeSums<D, L> {
         &mut self,
         windows: &mut Windows<D, L>,
         extent: &Extent<D, L>,
-        scale: &[[f32; L]; D],
+        scale: &Vector<D, L>,
     ) {
         let [first, ..] = &windows.features;
         let mut origin = *first;
@@ -175,7 +175,7 @@ impl<const D: usize, const L: usize> RangeSums<D, L> {
     }
 
     #[inline(always)]
-    fn add(&mut self, rows: &[[[f32; L]; D]; BATCH]) {
+    fn add(&mut self, rows: &[Vector<D, L>; BATCH]) {
         for j in 0..D {
             let products = &mut self.products.0[j];
             add_products::<f32, D, BATCH, L>(products, j..D, |p| &rows[p][j], |p| &rows[p]);
@@ -192,7 +192,7 @@ impl<const D: usize, const L: usize> RangeSums<D, L> {
 
     /// The products with the means taken off.
     #[inline(always)]
-    fn centred(self, pixels: &[f32; L]) -> [[[f32; L]; D]; D] {
+    fn centred(self, pixels: &Lanes<L>) -> Matrix<D, L> {
         let mut products = self.products.0;
         for j in 0..D {
             for k in j..D {
@@ -268,7 +268,7 @@ pub(crate) fn project_all<const T: usize, const D: usize, const L: usize>(
 /// Replaces a pixel's features by the local ones that `T` terms need.
 #[inline(always)]
 pub(crate) fn project<const T: usize, const D: usize, const L: usize>(
-    features: &mut [[f32; L]; D],
+    features: &mut Vector<D, L>,
     basis: &Basis<D, L>,
 ) {
     let mut local = Aligned([[0.0; L]; D]);

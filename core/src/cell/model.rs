@@ -6,11 +6,11 @@
 )]
 
 use crate::cell::window::Sample;
-use crate::lanes::lanes_stay_innermost;
+use crate::lanes::{Lanes, Rgb, Vector, lanes_stay_innermost};
 use crate::tile::CHANNELS;
 
 /// Coefficients of each channel, in the window's unit of radiance; 0 beyond a lane's terms.
-pub(crate) type Coefficients<const T: usize, const L: usize> = [[[f32; L]; T]; CHANNELS];
+pub(crate) type Coefficients<const T: usize, const L: usize> = [Vector<T, L>; CHANNELS];
 
 /// Fitted models and how far they predict, in the windows' units of radiance.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,7 +18,7 @@ pub(crate) type Coefficients<const T: usize, const L: usize> = [[[f32; L]; T]; C
 pub(crate) struct Models<const T: usize, const L: usize> {
     pub(crate) coefficients: Coefficients<T, L>,
     /// Estimated mean squared error over the prediction window, by which the radius was chosen.
-    pub(crate) risk: [f32; L],
+    pub(crate) risk: Lanes<L>,
     /// Half-width of the prediction window.
     pub(crate) radius: [usize; L],
     /// Terms of the fit: rank + 1.
@@ -47,9 +47,9 @@ impl<const T: usize, const L: usize> Models<T, L> {
 /// Regressor `t` of a pixel: 1, then its local features, then 0.
 #[inline(always)]
 pub(crate) fn regressor<const D: usize, const L: usize>(
-    features: &[[f32; L]; D],
+    features: &Vector<D, L>,
     t: usize,
-) -> &[f32; L] {
+) -> &Lanes<L> {
     match t.checked_sub(1) {
         None => const { &[1.0; L] },
         Some(feature) => features.get(feature).unwrap_or(const { &[0.0; L] }),
@@ -58,9 +58,7 @@ pub(crate) fn regressor<const D: usize, const L: usize>(
 
 /// The centre's radiance, whatever the features.
 #[inline(always)]
-pub(crate) fn constant<const T: usize, const L: usize>(
-    centre: &[[f32; L]; CHANNELS],
-) -> Coefficients<T, L> {
+pub(crate) fn constant<const T: usize, const L: usize>(centre: &Rgb<L>) -> Coefficients<T, L> {
     let mut coefficients = [[[0.0; L]; T]; CHANNELS];
     for c in 0..CHANNELS {
         coefficients[c][0] = centre[c];
@@ -72,8 +70,8 @@ pub(crate) fn constant<const T: usize, const L: usize>(
 #[inline(always)]
 pub(crate) fn evaluate<const T: usize, const D: usize, const L: usize>(
     coefficients: &Coefficients<T, L>,
-    features: &[[f32; L]; D],
-) -> [[f32; L]; CHANNELS] {
+    features: &Vector<D, L>,
+) -> Rgb<L> {
     let mut values = [[0.0; L]; CHANNELS];
     for c in 0..CHANNELS {
         values[c] = coefficients[c][0];
@@ -95,9 +93,9 @@ pub(crate) fn evaluate<const T: usize, const D: usize, const L: usize>(
 #[inline(always)]
 pub(crate) fn squared_distance<const T: usize, const D: usize, const L: usize>(
     coefficients: &Coefficients<T, L>,
-    features: &[[f32; L]; D],
-    colour: &[[f32; L]; CHANNELS],
-) -> [f32; L] {
+    features: &Vector<D, L>,
+    colour: &Rgb<L>,
+) -> Lanes<L> {
     let values = evaluate(coefficients, features);
     let mut sum = [0.0; L];
     for c in 0..CHANNELS {
@@ -126,7 +124,7 @@ pub(crate) fn copy_lane<const T: usize, const L: usize>(
 /// Writes one lane's coefficients.
 #[inline(always)]
 pub(crate) fn set_lane<const T: usize, const L: usize>(
-    all: &mut [[[f32; L]; T]; CHANNELS],
+    all: &mut [Vector<T, L>; CHANNELS],
     lane: usize,
     coefficients: &[[f32; T]; CHANNELS],
 ) {

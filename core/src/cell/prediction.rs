@@ -8,8 +8,8 @@
 use crate::blend::{self, ERROR_SOFTENING, LayerTile, Predictions, Sum};
 use crate::cell::model::{Coefficients, Models, evaluate};
 use crate::cell::rings::{Centre, RING_STEPS, RINGS, window_pixels};
-use crate::cell::window::{Sample, Windows};
-use crate::lanes::lanes_stay_innermost;
+use crate::cell::window::{Colours, Sample, Windows};
+use crate::lanes::{Lanes, Rgb, Vector, lanes_stay_innermost};
 use crate::params::Formulas;
 use crate::tile::{RADIUS, WINDOW_AREA};
 
@@ -34,7 +34,7 @@ const SIDE: usize = 2 * RADIUS + 3;
 
 /// One lane of a colour.
 #[inline(always)]
-fn of_lane<const L: usize>([r, g, b]: &[[f32; L]; 3], l: usize) -> [f32; 3] {
+fn of_lane<const L: usize>([r, g, b]: &Rgb<L>, l: usize) -> [f32; 3] {
     match (r.get(l), g.get(l), b.get(l)) {
         (Some(&r), Some(&g), Some(&b)) => [r, g, b],
         _ => [0.0; 3],
@@ -60,13 +60,13 @@ const fn raster() -> [usize; WINDOW_AREA] {
 /// What all predictions of a model have in common.
 struct Common<const L: usize> {
     /// Squared distances of [`WINDOW_SHARE`] pixels that are as those of the window are on average.
-    expected: [f32; L],
+    expected: Lanes<L>,
     /// Part of its confidence that a prediction loses, per ring squared.
-    edge_loss: [f32; L],
+    edge_loss: Lanes<L>,
     /// The fit's own variance, in units of the pixels': on average over its window, its terms' share of the noise.
-    fit_variance: [f32; L],
+    fit_variance: Lanes<L>,
     /// A squared distance of 1 in the window's unit, as radiance squared, mean over the channels.
-    per_channel: [f32; L],
+    per_channel: Lanes<L>,
 }
 
 /// The ring of pixel `i` of a window.
@@ -82,19 +82,19 @@ fn ring_of(i: usize) -> f32 {
 #[repr(C, align(64))]
 pub(crate) struct PredictionWindows<const L: usize> {
     /// Radiance, in the end times the confidence.
-    colour: [[[f32; L]; 3]; WINDOW_AREA],
+    colour: Colours<L>,
     /// 0 for a prediction that left f32.
-    confidence: [[f32; L]; WINDOW_AREA],
+    confidence: Vector<WINDOW_AREA, L>,
     /// Estimated squared error times the confidence.
-    error: [[f32; L]; WINDOW_AREA],
+    error: Vector<WINDOW_AREA, L>,
     /// Squared distance between prediction and pixel over the pixel's variance, raster order with a margin.
-    distance: [[f32; L]; SIDE * SIDE],
+    distance: Vector<{ SIDE * SIDE }, L>,
     /// 1 where `distance` has a pixel.
-    known: [[f32; L]; SIDE * SIDE],
+    known: Vector<{ SIDE * SIDE }, L>,
     /// Sum of the distances over the prediction window, each cut at [`LARGEST_DISTANCE`].
-    total: [f32; L],
+    total: Lanes<L>,
     /// Pixels in that sum.
-    pixels: [f32; L],
+    pixels: Lanes<L>,
 }
 
 impl<const L: usize> PredictionWindows<L> {
@@ -145,7 +145,7 @@ impl<const L: usize> PredictionWindows<L> {
 
     /// Compares a prediction of each model with its pixel; `pixels` of each window are predicted.
     #[inline(always)]
-    fn judge(&mut self, i: usize, colour: &[[f32; L]; 3], sample: &Sample<L>, pixels: &[f32; L]) {
+    fn judge(&mut self, i: usize, colour: &Rgb<L>, sample: &Sample<L>, pixels: &Lanes<L>) {
         let (Some(confidence), Some(&position)) = (self.confidence.get_mut(i), RASTER.get(i))
         else {
             return;
@@ -262,7 +262,7 @@ impl<const L: usize> PredictionWindows<L> {
     /// Squared error without the noise, in units of the pixel's variance: the mean over the 3 x 3 pixels around and [`WINDOW_SHARE`] pixels
     /// that are as the window is on average, `expected` in all, less 1.
     #[inline(always)]
-    fn local_error(&self, i: usize, expected: &[f32; L]) -> [f32; L] {
+    fn local_error(&self, i: usize, expected: &Lanes<L>) -> Lanes<L> {
         let centre = RASTER.get(i);
         debug_assert!(centre.is_some(), "{i} is not in the window");
         let centre = centre.copied().unwrap_or(0);
@@ -366,7 +366,7 @@ impl<const L: usize> PredictionWindows<L> {
     }
 
     /// Where a layer's radiance waits until [`predict_layer`](Self::predict_layer) overwrites it.
-    pub(crate) fn colours(&mut self) -> &mut [[[f32; L]; 3]; WINDOW_AREA] {
+    pub(crate) fn colours(&mut self) -> &mut Colours<L> {
         &mut self.colour
     }
 }

@@ -7,19 +7,22 @@
 
 use crate::cell::rings::{Centre, Centres, RINGS};
 use crate::float::sqrt;
-use crate::lanes::lanes_stay_innermost;
+use crate::lanes::{Lanes, Rgb, Vector, lanes_stay_innermost};
 use crate::tile::{Pixel, RADIUS, TILE, Tile, WINDOW_AREA};
+
+/// Radiance over each window, ring after ring.
+pub(crate) type Colours<const L: usize> = [Rgb<L>; WINDOW_AREA];
 
 /// A pixel of each window, its radiance in the window's own unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sample<const L: usize> {
-    pub(crate) colour: [[f32; L]; 3],
+    pub(crate) colour: Rgb<L>,
     /// 0 to 1; 0 keeps it out of the fit.
-    pub(crate) weight: [f32; L],
+    pub(crate) weight: Lanes<L>,
     /// Variance of the mean, summed over the channels.
-    pub(crate) variance: [f32; L],
+    pub(crate) variance: Lanes<L>,
     /// Squared distance at which a prediction disagrees.
-    pub(crate) tolerance: [f32; L],
+    pub(crate) tolerance: Lanes<L>,
 }
 
 impl<const L: usize> Sample<L> {
@@ -28,7 +31,7 @@ impl<const L: usize> Sample<L> {
 
     /// Sets value `k`: colour, weight, variance, tolerance; nothing beyond them.
     #[inline(always)]
-    fn set(&mut self, k: usize, value: [f32; L]) {
+    fn set(&mut self, k: usize, value: Lanes<L>) {
         match k {
             0..3 => self.colour[k] = value,
             3 => self.weight = value,
@@ -50,21 +53,21 @@ impl<const L: usize> Sample<L> {
 #[repr(C, align(64))]
 pub(crate) struct Windows<const D: usize, const L: usize> {
     /// Features as they came; then those of the range; in the end the local ones (see [`crate::cell::feature_space`]).
-    pub(crate) features: [[[f32; L]; D]; WINDOW_AREA],
+    pub(crate) features: [Vector<D, L>; WINDOW_AREA],
     pub(crate) samples: [Sample<L>; WINDOW_AREA],
     /// Radiance of 1 in each window's unit.
-    pub(crate) radiance_scale: [f32; L],
+    pub(crate) radiance_scale: Lanes<L>,
     /// Windows that have a model: those with a centre and a valid pixel.
     pub(crate) live: [bool; L],
 }
 
 /// Where each window's features lie, over its valid pixels.
 pub(crate) struct Extent<const D: usize, const L: usize> {
-    pub(crate) pixels: [f32; L],
-    pub(crate) low: [[f32; L]; D],
-    pub(crate) high: [[f32; L]; D],
+    pub(crate) pixels: Lanes<L>,
+    pub(crate) low: Vector<D, L>,
+    pub(crate) high: Vector<D, L>,
     /// The largest weight.
-    pub(crate) weight: [f32; L],
+    pub(crate) weight: Lanes<L>,
 }
 
 impl<const D: usize, const L: usize> Windows<D, L> {
@@ -117,7 +120,7 @@ impl<const D: usize, const L: usize> Windows<D, L> {
 
     /// Brings radiance to the unit in which the largest weight is 1, so that no exposure overflows.
     #[inline(always)]
-    fn use_own_unit(&mut self, largest_weight: &[f32; L]) {
+    fn use_own_unit(&mut self, largest_weight: &Lanes<L>) {
         let mut radiance_scale = [1.0; L];
         let mut largest = [1.0; L];
         for l in 0..L {
@@ -145,7 +148,7 @@ impl<const D: usize, const L: usize> Windows<D, L> {
 impl<const D: usize, const L: usize> Extent<D, L> {
     /// Takes in a pixel of each window.
     #[inline(always)]
-    fn take_in(&mut self, values: &[[f32; L]; D], sample: &Sample<L>) {
+    fn take_in(&mut self, values: &Vector<D, L>, sample: &Sample<L>) {
         // Moves what does not count out of the way; a condition here would be a branch, and no vector instruction.
         let mut away = [0.0; L];
         for l in 0..L {
@@ -172,7 +175,7 @@ impl<const D: usize, const L: usize> Extent<D, L> {
 #[inline(always)]
 fn take_four<const K: usize, const D: usize, const L: usize>(
     pixels: &[&Pixel<D>; L],
-    features: &mut [[f32; L]; D],
+    features: &mut Vector<D, L>,
     sample: &mut Sample<L>,
 ) {
     if const { K >= D + Sample::<1>::VALUES } {

@@ -6,7 +6,7 @@
 )]
 
 use crate::float::saturate;
-use crate::lanes::{Aligned, lanes_stay_innermost};
+use crate::lanes::{Aligned, Lanes, Vector, WideMatrix, WideVector, lanes_stay_innermost};
 
 /// A pivot below this part of its diagonal element is rounding, not information.
 const PIVOT_NOISE: f64 = 1e-14;
@@ -15,9 +15,9 @@ const PIVOT_NOISE: f64 = 1e-14;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
 pub(crate) struct Factor<const T: usize, const L: usize> {
-    pub(crate) lower: [[[f64; L]; T]; T],
+    pub(crate) lower: WideMatrix<T, L>,
     /// 1 / D, 0 for a term without information.
-    pub(crate) inverse: [[f64; L]; T],
+    pub(crate) inverse: WideVector<T, L>,
     /// Whether every sum and strength was a number.
     pub(crate) finite: [bool; L],
 }
@@ -32,7 +32,7 @@ impl<const T: usize, const L: usize> Factor<T, L> {
 
     /// A term whose pivot is rounding is left out; a negative strength counts as 0.
     #[inline(always)]
-    pub(crate) fn new(gram: &[[[f64; L]; T]; T], strengths: &[[f32; L]; T]) -> Self {
+    pub(crate) fn new(gram: &WideMatrix<T, L>, strengths: &Vector<T, L>) -> Self {
         let mut factor = Self::ZERO;
         // Until a column is divided by its pivot it holds L D.
         for j in 0..T {
@@ -84,7 +84,7 @@ impl<const T: usize, const L: usize> Factor<T, L> {
 
     /// `P x`, P the inverse of what was factorised.
     #[inline(always)]
-    pub(crate) fn solve(&self, x: &mut [[f64; L]; T]) {
+    pub(crate) fn solve(&self, x: &mut WideVector<T, L>) {
         for j in 0..T {
             let mut sum = x[j];
             for k in 0..j {
@@ -115,9 +115,9 @@ impl<const T: usize, const L: usize> Factor<T, L> {
     #[inline(always)]
     pub(crate) fn degrees_of_freedom(
         &self,
-        gram: &[[[f64; L]; T]; T],
-        strengths: &[[f32; L]; T],
-    ) -> [f32; L] {
+        gram: &WideMatrix<T, L>,
+        strengths: &Vector<T, L>,
+    ) -> Lanes<L> {
         let mut sum = [0.0; L];
         for column in 0..T {
             let mut x = Aligned([[0.0; L]; T]);

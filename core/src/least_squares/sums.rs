@@ -10,7 +10,9 @@
 )]
 
 use crate::float::saturate;
-use crate::lanes::{add_products, lanes_stay_innermost};
+use crate::lanes::{
+    Lanes, Rgb, Vector, WideLanes, WideMatrix, WideVector, add_products, lanes_stay_innermost,
+};
 use crate::tile::CHANNELS;
 
 /// Sums over the pixels so far; the first regressor is the intercept.
@@ -18,11 +20,11 @@ use crate::tile::CHANNELS;
 #[repr(C, align(64))]
 pub(crate) struct Sums<const T: usize, const L: usize> {
     /// Upper triangle of `sum w z z^T`; what is below it is 0 and never read.
-    pub(crate) gram: [[[f64; L]; T]; T],
+    pub(crate) gram: WideMatrix<T, L>,
     /// `sum w z y` per channel.
-    pub(crate) moments: [[[f64; L]; T]; CHANNELS],
+    pub(crate) moments: [WideVector<T, L>; CHANNELS],
     /// `sum w y^2` per channel.
-    pub(crate) squares: [[f64; L]; CHANNELS],
+    pub(crate) squares: WideVector<CHANNELS, L>,
 }
 
 impl<const T: usize, const L: usize> Sums<T, L> {
@@ -60,10 +62,7 @@ impl<const T: usize, const L: usize> Sums<T, L> {
 
     /// `sum w z (y - beta^T z)` for a model `beta` that is but an intercept.
     #[inline(always)]
-    pub(crate) fn centred_moments(
-        &self,
-        intercepts: &[[f32; L]; CHANNELS],
-    ) -> [[[f64; L]; T]; CHANNELS] {
+    pub(crate) fn centred_moments(&self, intercepts: &Rgb<L>) -> [WideVector<T, L>; CHANNELS] {
         centred_moments(&self.gram, &self.moments, intercepts)
     }
 
@@ -71,10 +70,7 @@ impl<const T: usize, const L: usize> Sums<T, L> {
     ///
     /// Absolute error: some 1e-15 of `sum w y^2` and `sum w (beta^T z)^2`, the price of a difference of large sums.
     #[inline(always)]
-    pub(crate) fn residual_squares(
-        &self,
-        beta: &[[[f32; L]; T]; CHANNELS],
-    ) -> [[f32; L]; CHANNELS] {
+    pub(crate) fn residual_squares(&self, beta: &[Vector<T, L>; CHANNELS]) -> Rgb<L> {
         let mut residual = [[0.0; L]; CHANNELS];
         for c in 0..CHANNELS {
             let mut sum = self.squares[c];
@@ -100,10 +96,10 @@ impl<const T: usize, const L: usize> Sums<T, L> {
 /// `moments - gram beta` for a model `beta` that is but an intercept.
 #[inline(always)]
 pub(crate) fn centred_moments<const T: usize, const L: usize>(
-    gram: &[[[f64; L]; T]; T],
-    moments: &[[[f64; L]; T]; CHANNELS],
-    intercepts: &[[f32; L]; CHANNELS],
-) -> [[[f64; L]; T]; CHANNELS] {
+    gram: &WideMatrix<T, L>,
+    moments: &[WideVector<T, L>; CHANNELS],
+    intercepts: &Rgb<L>,
+) -> [WideVector<T, L>; CHANNELS] {
     let mut centred = *moments;
     for c in 0..CHANNELS {
         let intercept = widened(&intercepts[c]);
@@ -122,13 +118,13 @@ pub(crate) fn centred_moments<const T: usize, const L: usize>(
 #[repr(C, align(64))]
 pub(crate) struct Batch<const T: usize, const L: usize, const N: usize> {
     /// z.
-    regressors: [[[f64; L]; T]; N],
+    regressors: [WideVector<T, L>; N],
     /// w z.
-    weighted: [[[f64; L]; T]; N],
+    weighted: [WideVector<T, L>; N],
     /// y.
-    response: [[[f64; L]; CHANNELS]; N],
+    response: [WideVector<CHANNELS, L>; N],
     /// w.
-    weight: [[f64; L]; N],
+    weight: WideVector<N, L>,
 }
 
 impl<const T: usize, const L: usize, const N: usize> Batch<T, L, N> {
@@ -145,9 +141,9 @@ impl<const T: usize, const L: usize, const N: usize> Batch<T, L, N> {
     pub(crate) fn set<'a>(
         &mut self,
         p: usize,
-        regressor: impl Fn(usize) -> &'a [f32; L],
-        response: &[[f32; L]; CHANNELS],
-        weight: &[f32; L],
+        regressor: impl Fn(usize) -> &'a Lanes<L>,
+        response: &Rgb<L>,
+        weight: &Lanes<L>,
     ) {
         let (Some(regressors), Some(weighted), Some(responses), Some(weights)) = (
             self.regressors.get_mut(p),
@@ -178,7 +174,7 @@ impl<const T: usize, const L: usize, const N: usize> Batch<T, L, N> {
 
     /// Adds the pixels' `w z y`.
     #[inline(always)]
-    pub(crate) fn add_to_moments(&self, moments: &mut [[[f64; L]; T]; CHANNELS]) {
+    pub(crate) fn add_to_moments(&self, moments: &mut [WideVector<T, L>; CHANNELS]) {
         for c in 0..CHANNELS {
             add_products::<f64, T, N, L>(
                 &mut moments[c],
@@ -191,7 +187,7 @@ impl<const T: usize, const L: usize, const N: usize> Batch<T, L, N> {
 }
 
 #[inline(always)]
-fn multiply_add<const L: usize>(sum: &mut [f64; L], a: &[f64; L], b: &[f64; L]) {
+fn multiply_add<const L: usize>(sum: &mut WideLanes<L>, a: &WideLanes<L>, b: &WideLanes<L>) {
     for l in 0..L {
         sum[l] += a[l] * b[l];
     }
@@ -199,7 +195,7 @@ fn multiply_add<const L: usize>(sum: &mut [f64; L], a: &[f64; L], b: &[f64; L]) 
 }
 
 #[inline(always)]
-fn widened<const L: usize>(values: &[f32; L]) -> [f64; L] {
+fn widened<const L: usize>(values: &Lanes<L>) -> WideLanes<L> {
     let mut wide = [0.0; L];
     for l in 0..L {
         wide[l] = f64::from(values[l]);

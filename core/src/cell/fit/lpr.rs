@@ -6,11 +6,12 @@ use crate::cell::feature_space::{Basis, project_all};
 use crate::cell::fit::Fit;
 use crate::cell::model::{Coefficients, Models, regressor, set_lane};
 use crate::cell::rings::window_pixels;
-use crate::cell::window::Windows;
+use crate::cell::window::{Colours, Windows};
+use crate::lanes::Lanes;
 use crate::least_squares::prior::Prior;
 use crate::least_squares::rls::Rls;
 use crate::params::Params;
-use crate::tile::{CHANNELS, RADIUS, WINDOW_AREA};
+use crate::tile::{CHANNELS, RADIUS};
 
 /// Recursive least squares, one window after the other, with one prior for all of them.
 pub(crate) struct Lpr {
@@ -49,7 +50,7 @@ impl<const T: usize, const D: usize, const L: usize> Fit<T, D, L> for Lpr {
         &self,
         windows: &Windows<D, L>,
         radius: &[usize; L],
-        layer: &[[[f32; L]; CHANNELS]; WINDOW_AREA],
+        layer: &Colours<L>,
     ) -> Coefficients<T, L> {
         let mut coefficients = [[[0.0; L]; T]; CHANNELS];
         for (lane, &radius) in radius.iter().enumerate() {
@@ -83,7 +84,7 @@ struct Window<'a, const D: usize, const L: usize> {
 impl<const D: usize, const L: usize> Window<'_, D, L> {
     /// Its lane of several values.
     #[inline(always)]
-    fn own(&self, values: &[f32; L]) -> f32 {
+    fn own(&self, values: &Lanes<L>) -> f32 {
         let value = values.get(self.lane);
         debug_assert!(value.is_some(), "there is no lane {}", self.lane);
         value.copied().unwrap_or(0.0)
@@ -91,7 +92,7 @@ impl<const D: usize, const L: usize> Window<'_, D, L> {
 
     /// A layer's radiance at pixel `i`.
     #[inline(always)]
-    fn colour(&self, layer: &[[[f32; L]; CHANNELS]; WINDOW_AREA], i: usize) -> [f32; CHANNELS] {
+    fn colour(&self, layer: &Colours<L>, i: usize) -> [f32; CHANNELS] {
         let colour = layer.get(i);
         debug_assert!(colour.is_some(), "{i} is not in the window");
         colour.map_or([0.0; CHANNELS], |colour| {
@@ -162,7 +163,7 @@ impl<const D: usize, const L: usize> Window<'_, D, L> {
     fn fit_layer<const T: usize>(
         &self,
         mut rls: Rls<T>,
-        layer: &[[[f32; L]; CHANNELS]; WINDOW_AREA],
+        layer: &Colours<L>,
         radius: usize,
     ) -> Rls<T> {
         if radius > 0 {

@@ -5,9 +5,8 @@ pub(crate) mod robust;
 
 use crate::cell::feature_space::Basis;
 use crate::cell::model::{Coefficients, Models};
-use crate::cell::window::Windows;
+use crate::cell::window::{Colours, Windows};
 use crate::params::Params;
-use crate::tile::{CHANNELS, WINDOW_AREA};
 
 /// How windows become models of at most `T` terms, and what it takes to fit layers in the way of the models.
 pub(crate) trait Fit<const T: usize, const D: usize, const L: usize>: Sized {
@@ -25,6 +24,6 @@ pub(crate) trait Fit<const T: usize, const D: usize, const L: usize>: Sized {
         &self,
         windows: &Windows<D, L>,
         radius: &[usize; L],
-        layer: &[[[f32; L]; CHANNELS]; WINDOW_AREA],
+        layer: &Colours<L>,
     ) -> Coefficients<T, L>;
 }

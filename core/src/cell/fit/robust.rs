@@ -19,13 +19,13 @@ use crate::cell::feature_space::{Basis, project};
 use crate::cell::fit::Fit;
 use crate::cell::model::{Coefficients, Models, constant, copy_lane, regressor, squared_distance};
 use crate::cell::rings::window_pixels;
-use crate::cell::window::{Sample, Windows};
+use crate::cell::window::{Colours, Sample, Windows};
 use crate::float::saturate;
-use crate::lanes::{Aligned, lanes_stay_innermost};
+use crate::lanes::{Aligned, Lanes, Rgb, Vector, WideMatrix, WideVector, lanes_stay_innermost};
 use crate::least_squares::factor::Factor;
 use crate::least_squares::sums::{Batch, Sums, centred_moments};
 use crate::params::Params;
-use crate::tile::{CHANNELS, RADIUS, WINDOW_AREA};
+use crate::tile::{CHANNELS, RADIUS};
 
 /// No risk is below this part of the fit's own variance (measured: 0.3 to 0.6 alike; without, gloss suffers).
 const RISK_FLOOR: f32 = 0.3;
@@ -40,7 +40,7 @@ const HALF_WEIGHT: f32 = 5.0;
 /// What it takes to fit more channels in the way of the models.
 #[repr(C, align(64))]
 pub(crate) struct Systems<const T: usize, const L: usize> {
-    gram: [[[f64; L]; T]; T],
+    gram: WideMatrix<T, L>,
     factor: Factor<T, L>,
 }
 
@@ -51,7 +51,7 @@ impl<const T: usize, const L: usize> Systems<T, L> {
     };
 
     #[inline(always)]
-    fn keep(&mut self, lane: usize, gram: &[[[f64; L]; T]; T], factor: &Factor<T, L>) {
+    fn keep(&mut self, lane: usize, gram: &WideMatrix<T, L>, factor: &Factor<T, L>) {
         for i in 0..T {
             for j in 0..T {
                 self.gram[i][j][lane] = gram[i][j][lane];
@@ -104,7 +104,7 @@ impl<const T: usize, const D: usize, const L: usize> Fit<T, D, L> for Systems<T,
         &self,
         windows: &Windows<D, L>,
         radius: &[usize; L],
-        layer: &[[[f32; L]; CHANNELS]; WINDOW_AREA],
+        layer: &Colours<L>,
     ) -> Coefficients<T, L> {
         let [centre, ..] = layer;
         let mut moments = [[[0.0; L]; T]; CHANNELS];
@@ -132,9 +132,9 @@ const BATCH: usize = 8;
 /// A pixel's weight, less as it is farther from the centre in the local features of `T` terms: a line holds nearby.
 #[inline(always)]
 fn nearness_times<const T: usize, const D: usize, const L: usize>(
-    features: &[[f32; L]; D],
-    weight: &[f32; L],
-) -> [f32; L] {
+    features: &Vector<D, L>,
+    weight: &Lanes<L>,
+) -> Lanes<L> {
     let mut squared = [0.0; L];
     for feature in features.iter().take(T - 1) {
         for l in 0..L {
@@ -153,18 +153,18 @@ fn nearness_times<const T: usize, const D: usize, const L: usize>(
 struct Growth<const T: usize, const L: usize> {
     sums: Sums<T, L>,
     previous: Aligned<Coefficients<T, L>>,
-    centre: [[f32; L]; CHANNELS],
+    centre: Rgb<L>,
     /// 1 where the centre is fitted, 0 where it only starts the prior.
-    centre_counts: [f32; L],
+    centre_counts: Lanes<L>,
     terms: [usize; L],
-    pixels: [f32; L],
-    weights: [f32; L],
+    pixels: Lanes<L>,
+    weights: Lanes<L>,
     /// Sum of weight times variance.
-    noise: [f32; L],
+    noise: Lanes<L>,
     /// Of a ring, by the model fitted before it.
-    test: [f32; L],
+    test: Lanes<L>,
     /// Accumulated risk, xi_acc of LPR Eq. 4, without the noise.
-    risk: [f32; L],
+    risk: Lanes<L>,
     best: Models<T, L>,
     systems: Systems<T, L>,
     keep_systems: bool,
@@ -201,7 +201,7 @@ impl<const T: usize, const L: usize> Growth<T, L> {
     fn take_in<const N: usize, const D: usize>(
         &mut self,
         radius: usize,
-        features: &mut [[[f32; L]; D]; N],
+        features: &mut [Vector<D, L>; N],
         samples: &[Sample<L>; N],
         basis: &Basis<D, L>,
         batch: &mut Batch<T, L, N>,
@@ -270,7 +270,7 @@ impl<const T: usize, const L: usize> Growth<T, L> {
     /// Strengths of the prior as parts of an average pixel's weight, and the variance of a pixel of that weight: with weights of
     /// 1 / variance it is 1 whatever the brightness.
     #[inline(always)]
-    fn per_pixel(&self, params: &Params) -> ([[f32; L]; T], [f32; L]) {
+    fn per_pixel(&self, params: &Params) -> (Vector<T, L>, Lanes<L>) {
         let mut strengths = [[0.0; L]; T];
         let mut noise = [0.0; L];
         for l in 0..L {
@@ -295,9 +295,9 @@ impl<const T: usize, const L: usize> Growth<T, L> {
         &self,
         coefficients: &Coefficients<T, L>,
         factor: &Factor<T, L>,
-        strengths: &[[f32; L]; T],
-        noise: &[f32; L],
-    ) -> [f32; L] {
+        strengths: &Vector<T, L>,
+        noise: &Lanes<L>,
+    ) -> Lanes<L> {
         let residual = self.sums.residual_squares(coefficients);
         let degrees_of_freedom = factor.degrees_of_freedom(&self.sums.gram, strengths);
         let mut risk = [0.0; L];
@@ -315,8 +315,8 @@ impl<const T: usize, const L: usize> Growth<T, L> {
 #[inline(always)]
 fn minimiser<const T: usize, const L: usize>(
     factor: &Factor<T, L>,
-    mut change: [[[f64; L]; T]; CHANNELS],
-    centre: &[[f32; L]; CHANNELS],
+    mut change: [WideVector<T, L>; CHANNELS],
+    centre: &Rgb<L>,
 ) -> (Coefficients<T, L>, [bool; L]) {
     let mut coefficients = constant(centre);
     let mut finite = [true; L];
