@@ -80,6 +80,7 @@ fn add_block<'a, A, const K: usize, const W: usize, const N: usize, const L: usi
         .get_mut(j..)
         .and_then(|sums| sums.first_chunk_mut::<K>())
     else {
+        debug_assert!(false, "{K} sums from {j} of {W}");
         return;
     };
     let mut block = *sums;

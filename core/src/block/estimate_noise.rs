@@ -103,9 +103,7 @@ pub fn estimate_feature_noise(input: &NoisyBlock, output: &mut NoiseBlock) {
     for (plane, variance) in input.features.iter().zip(&mut output.features) {
         *variance = least_direction::<FEATURE_RADIUS, false>(plane, &UNIT);
     }
-    let Some(depth) = input.features.get(DEPTH) else {
-        return;
-    };
+    let depth = &input.features[DEPTH];
     let slope = gradient(depth);
     let depth_noise = output.features[DEPTH];
     for k in ALBEDO..DEPTH {

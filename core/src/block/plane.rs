@@ -12,23 +12,22 @@ pub type BlockPlane = [[f32; BLOCK_COLUMNS]; BLOCK_HEIGHT];
 /// A row of it.
 pub(crate) type BlockRow = [f32; BLOCK_COLUMNS];
 
-/// The `N` columns from `first` on; zeros if they go beyond the row.
+/// The `N` columns from `first` on; they lie within the row.
 #[inline(always)]
 pub(crate) fn columns<const N: usize>(row: &[f32], first: usize) -> &[f32; N] {
-    row.get(first..)
-        .and_then(<[f32]>::first_chunk)
-        .unwrap_or(const { &[0.0; N] })
+    let run = row.get(first..).and_then(<[f32]>::first_chunk);
+    debug_assert!(run.is_some(), "{N} columns from {first} of {}", row.len());
+    run.unwrap_or(const { &[0.0; N] })
 }
 
-/// The `N` columns from `first` on of row `y` of a plane; zeros if they go beyond it.
+/// The `N` columns from `first` on of row `y` of a plane; they lie within it.
 #[inline(always)]
 pub(crate) fn columns_of<const N: usize, const W: usize>(
     plane: &[[f32; W]],
     y: usize,
     first: usize,
 ) -> &[f32; N] {
-    match plane.get(y) {
-        Some(row) => columns(row, first),
-        None => const { &[0.0; N] },
-    }
+    let row = plane.get(y);
+    debug_assert!(row.is_some(), "row {y} of {}", plane.len());
+    row.map_or(const { &[0.0; N] }, |row| columns(row, first))
 }

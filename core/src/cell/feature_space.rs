@@ -150,6 +150,7 @@ impl<const D: usize, const L: usize> RangeSums<D, L> {
                 features.first_chunk_mut::<BATCH>(),
                 samples.first_chunk::<BATCH>(),
             ) else {
+                debug_assert!(false, "a batch is {BATCH} pixels");
                 break;
             };
             let mut rows = Aligned([[[0.0; L]; D]; BATCH]);

@@ -37,7 +37,10 @@ const SIDE: usize = 2 * RADIUS + 3;
 fn of_lane<const L: usize>([r, g, b]: &Rgb<L>, l: usize) -> [f32; 3] {
     match (r.get(l), g.get(l), b.get(l)) {
         (Some(&r), Some(&g), Some(&b)) => [r, g, b],
-        _ => [0.0; 3],
+        _ => {
+            debug_assert!(false, "there is no lane {l}");
+            [0.0; 3]
+        }
     }
 }
 
@@ -148,12 +151,14 @@ impl<const L: usize> PredictionWindows<L> {
     fn judge(&mut self, i: usize, colour: &Rgb<L>, sample: &Sample<L>, pixels: &Lanes<L>) {
         let (Some(confidence), Some(&position)) = (self.confidence.get_mut(i), RASTER.get(i))
         else {
+            debug_assert!(false, "{i} is not in the window");
             return;
         };
         let (Some(distance), Some(known)) = (
             self.distance.get_mut(position),
             self.known.get_mut(position),
         ) else {
+            debug_assert!(false, "{position} is beyond the margin");
             return;
         };
         let (place, mut squared) = (i as f32, [0.0; L]);
@@ -201,6 +206,7 @@ impl<const L: usize> PredictionWindows<L> {
                 self.error.get_mut(i),
                 self.colour.get_mut(i),
             ) else {
+                debug_assert!(false, "{i} is not in the window");
                 return;
             };
             let ring = ring_of(i);
@@ -296,6 +302,7 @@ impl<const L: usize> PredictionWindows<L> {
         predictions: &mut Predictions,
     ) {
         let (Some(&radius), Some(&terms)) = (models.radius.get(l), models.terms.get(l)) else {
+            debug_assert!(false, "there is no lane {l}");
             return;
         };
         let rank = (terms - 1) as f32;
@@ -309,6 +316,7 @@ impl<const L: usize> PredictionWindows<L> {
                 confidence.get(l),
                 error.get(l),
             ) else {
+                debug_assert!(false, "the window leaves the tile, or there is no lane {l}");
                 return;
             };
             sum.add(&Sum {
@@ -345,6 +353,7 @@ impl<const L: usize> PredictionWindows<L> {
         layer: &mut LayerTile,
     ) {
         let Some(&radius) = radius.get(l) else {
+            debug_assert!(false, "there is no lane {l}");
             return;
         };
         let centre = centre.position();
@@ -354,6 +363,7 @@ impl<const L: usize> PredictionWindows<L> {
                 layer.sums.get_mut(centre.wrapping_add_signed(step)),
                 confidence.get(l),
             ) else {
+                debug_assert!(false, "the window leaves the tile, or there is no lane {l}");
                 return;
             };
             for (sum, value) in sum.iter_mut().zip(of_lane(colour, l)) {

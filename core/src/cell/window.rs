@@ -95,6 +95,7 @@ impl<const D: usize, const L: usize> Windows<D, L> {
                     self.features.get_mut(usize::from(place)),
                     self.samples.get_mut(usize::from(place)),
                 ) else {
+                    debug_assert!(false, "{place} is not in the window");
                     break;
                 };
                 let mut pixels = [const { &Pixel::OUTSIDE }; L];

@@ -151,6 +151,7 @@ impl<const T: usize, const L: usize, const N: usize> Batch<T, L, N> {
             self.response.get_mut(p),
             self.weight.get_mut(p),
         ) else {
+            debug_assert!(false, "there is no pixel {p} in a batch of {N}");
             return;
         };
         for l in 0..L {
