@@ -207,7 +207,7 @@ impl<const D: usize, const L: usize> RangeSums<D, L> {
 
 /// Pixels that are mapped at a time: a row of sums stays in registers over them.
 const BATCH: usize = 19;
-const _: () = assert!(WINDOW_AREA % BATCH == 0);
+const _: () = assert!(WINDOW_AREA.is_multiple_of(BATCH));
 
 /// `value`, or the nearest of low..=high; 0 if there is no such range.
 #[inline(always)]

@@ -33,8 +33,11 @@ impl<const D: usize, const L: usize> Scratch<D, L> {
 
     /// Forgets the cells under way.
     #[inline(always)]
-    pub(crate) fn end_cells(&mut self) {
-        self.placements = [const { Placement::ENDED }; L];
+    pub(crate) fn forget_cells(&mut self) {
+        for placement in &mut self.placements {
+            // Nobody waits for the models of a cell that was broken off.
+            let _ = placement.finish();
+        }
     }
 }
 

@@ -27,7 +27,6 @@ use crate::blend::Predictions;
 use crate::cell::build::build_models;
 use crate::cell::feature_space::find_basis;
 use crate::cell::lent::{Cells, Scratch};
-use crate::cell::placement::wants_model;
 use crate::cell::rings::{Centre, Centres};
 use crate::params::Params;
 
@@ -42,7 +41,7 @@ pub fn denoise_cells<const D: usize, const L: usize>(
     params: &Params,
     scratch: &mut Scratch<D, L>,
 ) {
-    scratch.end_cells();
+    scratch.forget_cells();
     let mut more = true;
     while let Some(centres) = next_centres(cells, params, scratch, &mut more) {
         let tiles = core::array::from_fn(|lane| cells.tile(lane));
@@ -89,8 +88,7 @@ fn next_centre<const D: usize, const L: usize>(
     let placement = scratch.placements.get_mut(lane)?;
     let noise = scratch.noise.get_mut(lane)?;
     loop {
-        let open = |centre| wants_model(cells.tile(lane), centre, params.formulas);
-        if let Some(centre) = placement.next(params.coverage, open) {
+        if let Some(centre) = placement.next(params.coverage) {
             return Some(centre);
         }
         if let Some(models) = placement.finish() {
@@ -100,8 +98,8 @@ fn next_centre<const D: usize, const L: usize>(
         if !*more {
             return None;
         }
+        placement.start(cells.tile(lane), params.formulas);
         noise.fill(cells.tile(lane));
         *cells.results(lane).0 = Predictions::NONE;
-        placement.start();
     }
 }

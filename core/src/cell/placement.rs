@@ -1,5 +1,7 @@
 //! Where a cell's models go: centres ever closer together, each unless enough models predict it already.
 
+use heapless::Deque;
+
 use crate::cell::rings::Centre;
 use crate::params::Formulas;
 use crate::tile::{CELL, PixelState, Tile, WINDOW_AREA};
@@ -7,21 +9,14 @@ use crate::tile::{CELL, PixelState, Tile, WINDOW_AREA};
 /// Granularity of each pass: centres are this far apart (LPR section 5.1: 19, then halved).
 const PASSES: [usize; 5] = [19, 9, 4, 2, 1];
 
-/// Centres of all passes.
-const CENTRES: usize = {
-    let mut centres = 0;
-    let mut pass = 0;
-    while pass < PASSES.len() {
-        let side = (CELL - PASSES[pass] / 2).div_ceil(PASSES[pass]);
-        centres += side * side;
-        pass += 1;
-    }
-    centres
-};
+/// Pixels of a cell: each is a centre in the last pass at the latest.
+const CENTRES: usize = CELL * CELL;
 
-/// The centres in the cell, pass after pass, each in raster order.
+/// The centres in the cell, pass after pass, each in raster order. A centre of an earlier pass is not there again: it has its model by
+/// then, or as many others as it wants.
 const ORDER: [Centre; CENTRES] = {
     let mut order = [Centre { x: 0, y: 0 }; CENTRES];
+    let mut seen = [[false; CELL]; CELL];
     let (mut next, mut pass) = (0, 0);
     while pass < PASSES.len() {
         let granularity = PASSES[pass];
@@ -29,66 +24,68 @@ const ORDER: [Centre; CENTRES] = {
         while y < CELL {
             let mut x = granularity / 2;
             while x < CELL {
-                order[next] = Centre {
-                    x: x as u8,
-                    y: y as u8,
-                };
-                next += 1;
+                if !seen[y][x] {
+                    seen[y][x] = true;
+                    order[next] = Centre {
+                        x: x as u8,
+                        y: y as u8,
+                    };
+                    next += 1;
+                }
                 x += granularity;
             }
             y += granularity;
         }
         pass += 1;
     }
+    assert!(next == CENTRES, "the last pass leaves no pixel out");
     order
 };
 
 /// How far a cell has come.
 pub(crate) struct Placement {
-    /// Of `ORDER`.
-    next: usize,
+    /// Centres that may want a model yet.
+    waiting: Deque<Centre, CENTRES>,
+    /// The centre that came last.
     centre: Centre,
     models: u32,
     /// Models that predict each pixel.
     coverage: [[u16; CELL]; CELL],
-    /// Where there is a model, a bit for each column: a later pass would fit the same one again.
-    built: [u32; CELL],
     under_way: bool,
 }
 
 impl Placement {
     /// No cell.
     pub(crate) const ENDED: Self = Self {
-        next: CENTRES,
+        waiting: Deque::new(),
         centre: Centre { x: 0, y: 0 },
         models: 0,
         coverage: [[0; CELL]; CELL],
-        built: [0; CELL],
         under_way: false,
     };
 
-    /// Begins a cell, without models.
+    /// Begins the cell of `tile`, without models.
     #[inline(always)]
-    pub(crate) fn start(&mut self) {
-        *self = Self {
-            next: 0,
-            under_way: true,
-            ..Self::ENDED
-        };
+    pub(crate) fn start<const D: usize>(&mut self, tile: &Tile<D>, formulas: Formulas) {
+        self.waiting.clear();
+        for &centre in &ORDER {
+            if wants_model(tile, centre, formulas) {
+                let queued = self.waiting.push_back(centre);
+                debug_assert!(queued.is_ok(), "a cell has no more than {CENTRES} pixels");
+            }
+        }
+        self.models = 0;
+        self.coverage = [[0; CELL]; CELL];
+        self.under_way = true;
     }
 
-    /// The next centre in need of a model; none at the end of the cell.
+    /// The next centre that fewer than `coverage` models predict; none at the end of the cell.
     #[inline(always)]
-    pub(crate) fn next(&mut self, coverage: u16, open: impl Fn(Centre) -> bool) -> Option<Centre> {
+    pub(crate) fn next(&mut self, coverage: u16) -> Option<Centre> {
         let wanted = coverage.clamp(1, WINDOW_AREA as u16);
-        for &centre in ORDER.iter().skip(self.next) {
-            self.next += 1;
-            let (x, y) = (usize::from(centre.x), usize::from(centre.y));
-            let covered = self.coverage.get(y).and_then(|row| row.get(x));
-            let built = self.built.get_mut(y)?;
-            let wanting = covered.is_some_and(|models| *models < wanted);
-            if wanting && *built & (1 << x) == 0 && open(centre) {
-                *built |= 1 << x;
+        while let Some(centre) = self.waiting.pop_front() {
+            let row = self.coverage.get(usize::from(centre.y))?;
+            if *row.get(usize::from(centre.x))? < wanted {
                 self.centre = centre;
                 self.models += 1;
                 return Some(centre);
@@ -100,6 +97,7 @@ impl Placement {
     /// Ends the cell: the models that it has taken, or none if it had ended before.
     #[inline(always)]
     pub(crate) fn finish(&mut self) -> Option<u32> {
+        self.waiting.clear();
         core::mem::take(&mut self.under_way).then_some(self.models)
     }
 
@@ -122,11 +120,7 @@ impl Placement {
 
 /// Whether the pixel needs a model at all.
 #[inline(always)]
-pub(crate) fn wants_model<const D: usize>(
-    tile: &Tile<D>,
-    centre: Centre,
-    formulas: Formulas,
-) -> bool {
+fn wants_model<const D: usize>(tile: &Tile<D>, centre: Centre, formulas: Formulas) -> bool {
     match tile.pixel_at(centre.position()).state {
         PixelState::Outside => false,
         PixelState::Clean => formulas == Formulas::Literal,
