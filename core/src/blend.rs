@@ -21,6 +21,7 @@ pub(crate) fn confidence(error: f32) -> f32 {
 
 /// Sums over the predictions of a pixel, each times the confidence in it: its weight in their mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Sum {
     /// Radiance times confidence.
     pub colour: [f32; 3],
@@ -105,6 +106,7 @@ impl LayerTile {
 
 /// What becomes of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Denoised {
     /// Radiance; finite.
     pub colour: [f32; 3],

@@ -1,8 +1,64 @@
-//! The arithmetic of linpred.
+//! The arithmetic of linpred, a denoiser of Monte Carlo renders: linear models of radiance over features (surface normal, albedo, depth), each
+//! as wide as it stays right (Moon et al. 2015, *Adaptive Rendering with Linear Predictions*, LPR).
 //!
-//! In the order in which an image goes through it: [`estimate_colour_noise`] and [`estimate_feature_noise`] where the renderer gave
-//! no variances; [`weigh_samples`] and [`prefilter`], block by block; [`denoise_cells`], tile by tile; [`resolve`], pixel by pixel,
-//! once the predictions of all cells that reach it are added up ([`Sum::add`]).
+//! `no_std`, without allocation, unsafe code or a reachable panic; the same bits on every machine. What it works on, the caller lends. For
+//! whole images and files there is the crate `linpred`.
+//!
+//! # Tour
+//!
+//! An image passes in the order of these lines.
+//!
+//! | | unit | function |
+//! |---|---|---|
+//! | variances, where the renderer gave none | block | [`estimate_colour_noise`], [`estimate_feature_noise`] |
+//! | a weight for each sample, its variance, and how far a prediction may be from it | block | [`weigh_samples`] |
+//! | features without their noise | block | [`prefilter`] |
+//! | predictions by models, each fitted to the window around its centre | tile | [`denoise_cells`], or [`denoise_cell`] for one alone |
+//! | the predictions of all cells that reach a pixel, added up | pixel | [`Sum::add`] |
+//! | their mean | pixel | [`resolve`], and [`resolve_layer`] for the layers that follow |
+//!
+//! A **block** is [`BLOCK_WIDTH`] x [`BLOCK_HEIGHT`] pixels with a halo of each function's own ([`WEIGHTS_HALO`], [`PREFILTER_HALO`],
+//! [`NOISE_HALO`]). A **cell** is [`CELL`] x [`CELL`] pixels; with the [`HALO`] around it that its windows read it is a [`Tile`].
+//!
+//! One tile, with nothing but the position for a feature:
+//!
+//! ```
+//! use linpred_core::{
+//!     CELL, HALO, Params, Pixel, PixelState, Predictions, Scratch, TILE, Tile, denoise_cell, resolve,
+//! };
+//!
+//! // A grey wall that brightens to the right, under uniform noise of variance 0.03.
+//! let radiance = |x: usize| 0.5 + 0.02 * x as f32;
+//! let mut tile = Box::new(Tile::<2>::EMPTY);
+//! let mut random = 1u32;
+//! for (i, pixel) in tile.pixels.iter_mut().enumerate() {
+//!     let (x, y) = (i % TILE, i / TILE);
+//!     random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+//!     let noise = 0.6 * (random as f32 / u32::MAX as f32 - 0.5);
+//!     *pixel = Pixel {
+//!         features: [x as f32, y as f32],
+//!         colour: [radiance(x) + noise; 3],
+//!         weight: 1.0, // `weigh_samples` finds it, and the two after it, from the image
+//!         variance: 3.0 * 0.03,
+//!         tolerance: 3.0 * 0.03,
+//!         state: PixelState::Noisy,
+//!     };
+//! }
+//!
+//! let params = Params::default();
+//! let mut scratch = Box::new(Scratch::new());
+//! let mut predictions = Box::new(Predictions::NONE);
+//! let models = denoise_cell(&tile, &params, &mut [], &mut scratch, &mut predictions);
+//!
+//! let (x, y) = (HALO + CELL / 2, HALO + CELL / 2);
+//! let (pixel, sum) = (&tile.pixels[y * TILE + x], &predictions.sums[y * TILE + x]);
+//! let denoised = resolve(pixel, sum, params.formulas);
+//! assert!(models >= 4 && denoised.radius > 5.0);
+//! assert!((denoised.colour[0] - radiance(x)).abs() < 0.05);
+//! ```
+//!
+//! [`Rls`], [`NormalEquations`] and [`SymmetricEigen`] are the algebra under it, for whoever wants a fit alone.
+//! `DEPARTURES.md` beside the sources says where the default departs from the papers, and what each departure buys.
 #![no_std]
 #![forbid(unsafe_code)]
 

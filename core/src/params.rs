@@ -3,6 +3,7 @@
 /// How many models must predict a pixel before no new one is built for it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum Quality {
     /// One model: the papers' sparse placement.
     Fast,
@@ -16,6 +17,7 @@ pub enum Quality {
 /// Which formulas fit, choose and blend the models.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum Formulas {
     /// This crate's: weighted fits, a risk that takes the noise off, predictions blended by their local error.
     #[default]
@@ -25,7 +27,15 @@ pub enum Formulas {
 }
 
 /// Parameters of the method; shared by every tile of an image.
+///
+/// ```
+/// use linpred_core::{Params, Quality};
+///
+/// let params = Params::new(Quality::Fast).with_coverage(2);
+/// assert_eq!(params.coverage, 2);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Params {
     /// Models that must predict a pixel before no new one is built for it; 0 counts as 1, more than 361 as 361.
     pub coverage: u16,
@@ -66,6 +76,41 @@ impl Params {
             intercept_strength: 1e-3,
             formulas: Formulas::Literal,
         }
+    }
+
+    /// The same with another [`coverage`](Self::coverage).
+    #[must_use]
+    pub const fn with_coverage(mut self, coverage: u16) -> Self {
+        self.coverage = coverage;
+        self
+    }
+
+    /// The same with another [`truncation`](Self::truncation).
+    #[must_use]
+    pub const fn with_truncation(mut self, truncation: f32) -> Self {
+        self.truncation = truncation;
+        self
+    }
+
+    /// The same with another [`gradient_strength`](Self::gradient_strength).
+    #[must_use]
+    pub const fn with_gradient_strength(mut self, strength: f32) -> Self {
+        self.gradient_strength = strength;
+        self
+    }
+
+    /// The same with another [`intercept_strength`](Self::intercept_strength).
+    #[must_use]
+    pub const fn with_intercept_strength(mut self, strength: f32) -> Self {
+        self.intercept_strength = strength;
+        self
+    }
+
+    /// The same by other [`formulas`](Self::formulas).
+    #[must_use]
+    pub const fn with_formulas(mut self, formulas: Formulas) -> Self {
+        self.formulas = formulas;
+        self
     }
 }
 

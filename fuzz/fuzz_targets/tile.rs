@@ -72,6 +72,7 @@ fn check(tile: &Tile, params: &Params) {
             let weigh = |weight: f32| match params.formulas {
                 Formulas::Robust => f64::from(weight).sqrt(),
                 Formulas::Literal => f64::from(u8::from(weight > 0.0)),
+                other => panic!("{other:?} has no definition"),
             };
             // A fit starts from its centre, whatever that weighs, and leaves rounding of it.
             let bound = BOUND * largest_weighted(tile, i, weigh) / weigh(own.weight)

@@ -182,6 +182,7 @@ impl Window {
                 weight: match self.params.formulas {
                     Formulas::Robust => self.weight(i),
                     Formulas::Literal => 1.0,
+                    other => panic!("{other:?} has no definition"),
                 },
             })
             .collect()
@@ -235,6 +236,7 @@ impl Window {
             let risk = match self.params.formulas {
                 Formulas::Robust => self.robust_risk(radius, &rows, &fit, &mut accumulated),
                 Formulas::Literal => self.literal_risk(radius, &rows, &mut accumulated),
+                other => panic!("{other:?} has no definition"),
             };
             models.push(Model {
                 radius,
@@ -264,6 +266,7 @@ impl Window {
             terms: match self.params.formulas {
                 Formulas::Robust => 1,
                 Formulas::Literal => self.rank + 1,
+                other => panic!("{other:?} has no definition"),
             },
         }
     }
@@ -345,6 +348,7 @@ impl Window {
                             agreement * (1.0 - 0.5 * edge * edge) * (bias + 0.5).powf(-1.5)
                         }
                         Formulas::Literal => 1.0,
+                        other => panic!("{other:?} has no definition"),
                     },
                     error: (bias + own_variance) * sample.variance / (unit * unit) / 3.0,
                 }

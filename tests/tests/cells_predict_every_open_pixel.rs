@@ -54,7 +54,7 @@ proptest! {
     #[test]
     fn or_leaves_it_as_it_is(tile in tiles(), coverage in 1u16..6) {
         // With the literal formulas every prediction weighs 1, so that weights count.
-        let params = Params { coverage, ..Params::literal() };
+        let params = Params::literal().with_coverage(coverage);
         let cell = denoise(&tile, &params);
         for i in of_the_cell() {
             let (pixel, weight) = (&tile.pixels[i], cell.predictions.sums[i].confidence);
@@ -77,13 +77,7 @@ fn as_often_as_asked_where_few_are_asked_for() {
         .collect();
     let tile = tile(&values, &[7]);
     for coverage in [1, 4] {
-        let cell = denoise(
-            &tile,
-            &Params {
-                coverage,
-                ..Params::literal()
-            },
-        );
+        let cell = denoise(&tile, &Params::literal().with_coverage(coverage));
         let least = of_the_cell()
             .map(|i| cell.predictions.sums[i].confidence)
             .fold(f32::MAX, f32::min);

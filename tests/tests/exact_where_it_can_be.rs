@@ -51,11 +51,9 @@ fn largest_change(frame: &Frame, params: Params) -> f64 {
 fn an_affine_function_of_the_features_stays_itself() {
     for deviation in [0.01, 0.3, 1.0] {
         let pulled = Params::new(Quality::Balanced);
-        let free = Params {
-            gradient_strength: 0.0,
-            intercept_strength: 0.0,
-            ..pulled
-        };
+        let free = pulled
+            .with_gradient_strength(0.0)
+            .with_intercept_strength(0.0);
         let (free, pulled) = (
             largest_change(&affine(deviation), free),
             largest_change(&affine(deviation), pulled),

@@ -60,7 +60,7 @@ proptest! {
 
     #[test]
     fn and_nowhere_else(tile in tiles(), coverage in 1u16..9) {
-        let cell = denoise(&tile, &Params { coverage, ..Params::new(Quality::Fast) });
+        let cell = denoise(&tile, &Params::new(Quality::Fast).with_coverage(coverage));
         let (weights, models) = placed(&tile, u32::from(coverage));
         prop_assert_eq!(cell.models, models);
         // Each prediction agrees with its pixel, so that all weights have one factor in common.

@@ -18,13 +18,13 @@ struct Prediction {
 
 impl Prediction {
     fn sum(&self) -> Sum {
-        Sum {
-            colour: self.colour.map(|v| v * self.weight),
-            confidence: self.weight,
-            error: self.error * self.weight,
-            radius: f32::from(self.radius) * self.weight,
-            rank: f32::from(self.rank) * self.weight,
-        }
+        let mut sum = Sum::NONE;
+        sum.colour = self.colour.map(|v| v * self.weight);
+        sum.confidence = self.weight;
+        sum.error = self.error * self.weight;
+        sum.radius = f32::from(self.radius) * self.weight;
+        sum.rank = f32::from(self.rank) * self.weight;
+        sum
     }
 }
 
@@ -70,6 +70,7 @@ fn own_weight(state: PixelState, formulas: Formulas, others: f64) -> f64 {
         (PixelState::Noisy, Formulas::Robust) => 0.1 * 1.5f64.powf(-1.5),
         (PixelState::Noisy, Formulas::Literal) if others > 0.0 => 0.0,
         (PixelState::Noisy, Formulas::Literal) => 1.0,
+        (PixelState::Noisy, other) => panic!("{other:?} has no definition"),
     }
 }
 

@@ -39,10 +39,7 @@ impl Method {
 
     /// linpred's parameters, for the methods that are linpred.
     pub(crate) fn params(self) -> Option<Params> {
-        let every_pixel = Params {
-            coverage: 361,
-            ..Params::default()
-        };
+        let every_pixel = Params::default().with_coverage(361);
         match self {
             Self::Fast => Some(Params::new(Quality::Fast)),
             Self::Balanced => Some(Params::new(Quality::Balanced)),
