@@ -98,13 +98,13 @@ impl LayerTile {
         colour.copied().unwrap_or([0.0; 3])
     }
 
-    /// Forgets the sums.
+    /// Clears the sums.
     pub fn clear(&mut self) {
         self.sums = [[0.0; 3]; TILE_AREA];
     }
 }
 
-/// What becomes of a pixel.
+/// A denoised pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Denoised {
@@ -118,7 +118,7 @@ pub struct Denoised {
     pub rank: f32,
 }
 
-/// The pixel that all its predictions and its own radiance make together.
+/// Combines a pixel's predictions with its own radiance.
 ///
 /// A clean pixel comes out as it went in. A bad one is its predictions' mean, or 0 where there are none.
 #[inline(always)]

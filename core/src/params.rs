@@ -1,6 +1,6 @@
 //! What a user may choose.
 
-/// How many models must predict a pixel before no new one is built for it.
+/// How many models must predict a pixel before it gets none of its own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -37,7 +37,7 @@ pub enum Formulas {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Params {
-    /// Models that must predict a pixel before no new one is built for it; 0 counts as 1, more than 361 as 361.
+    /// Models that must predict a pixel before it gets none of its own; 0 counts as 1, more than 361 as 361.
     pub coverage: u16,
     /// C of the perturbation bound: features' singular values below C times the norm of their noise are dropped (WLR
     /// section 4). 0 keeps all.

@@ -16,18 +16,18 @@ pub const WINDOW_AREA: usize = (2 * RADIUS + 1) * (2 * RADIUS + 1);
 /// Channels of radiance: red, green, blue.
 pub const CHANNELS: usize = 3;
 
-/// What a pixel asks of the cell that holds it.
+/// What its cell does with a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum PixelState {
-    /// It lies outside the image: nothing reads or predicts it.
+    /// Outside the image: nothing reads or predicts it.
     #[default]
     Outside,
-    /// Its variance and its neighbours' are 0: it is right already and passes through.
+    /// Its variance and its neighbours' are 0: it passes through unchanged.
     Clean,
-    /// It is to be predicted, and serves to fit.
+    /// Predicted, and read by fits.
     Noisy,
-    /// Its colour is not finite: it is predicted from its neighbours' models, and never enters a fit.
+    /// Its colour is not finite: predicted by its neighbours' models, and never read by a fit.
     Bad,
 }
 
@@ -47,7 +47,7 @@ pub struct Pixel<const D: usize> {
     pub variance: f32,
     /// Squared distance, summed over the channels, within which a prediction agrees with the pixel.
     pub tolerance: f32,
-    /// What the pixel asks for.
+    /// What its cell does with it.
     pub state: PixelState,
 }
 

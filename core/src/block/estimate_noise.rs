@@ -1,4 +1,4 @@
-//! Variances for renders that bring none, from the pixels themselves.
+//! Variances for renders that come without, estimated from the pixels themselves.
 //!
 //! An edge, a stripe or a shading gradient has one direction along which its second difference is 0; noise that is white from
 //! pixel to pixel has none. So the variance of a plane is estimated as
@@ -8,7 +8,7 @@
 //! ```
 //!
 //! (for white noise the expectation of the term is the variance; compare Immerkaer, Fast noise variance estimation, 1996).
-//! Two things look like noise to it and are told apart by other means:
+//! Two things look like noise to it, and are told from noise by other means:
 //!
 //! - Texture in radiance: the estimate is also made of the radiance over the albedo, and the smaller one counts.
 //! - Texture in albedo: a texture that is sampled with jitter (lens or motion blur, antialiasing) comes with a

@@ -12,8 +12,8 @@
 //! with one ratio for the group rather than one per channel (a third of the divisions, the same error) and
 //! `exp(-d)` as `(1 - d/8)^8`, which ends. Both sides of a pair give it the same weight, so each pair is compared once.
 //!
-//! A pixel whose own surroundings have no variance is right already and stays as it is. What becomes of a pixel depends on the 7
-//! pixels around it alone, and not on where it lies in a block.
+//! A pixel in whose surroundings there is no variance stays as it is. Its result depends only on the
+//! pixels within 7 of it, not on where it lies in a block.
 
 #![expect(
     clippy::needless_range_loop,
@@ -100,9 +100,9 @@ impl<const N: usize> FilteredGroup<N> {
     };
 }
 
-/// Filters a block of a group; returns false, and copies, where the group has no variance at all.
+/// Filters a block of a group; where the group has no variance at all, copies it and returns false.
 ///
-/// The stack holds some 40 KiB.
+/// Takes some 40 KiB of stack.
 #[inline(always)]
 pub fn prefilter<const N: usize>(input: &FeatureGroup<N>, output: &mut FilteredGroup<N>) -> bool {
     begin(input, output);
@@ -159,7 +159,7 @@ fn has_variance<const N: usize>(input: &FeatureGroup<N>) -> bool {
     some
 }
 
-/// Every pixel with its own value, which has weight 1.
+/// Starts every pixel with its own value, at weight 1.
 #[inline(always)]
 fn begin<const N: usize>(input: &FeatureGroup<N>, output: &mut FilteredGroup<N>) {
     for c in 0..N {
@@ -196,7 +196,7 @@ fn steady_variance<const N: usize>(variance: &[FeaturePlane; N]) -> SteadyPlane 
     steady
 }
 
-/// A pixel's part of what its distances are measured in; never 0.
+/// A pixel's share of the unit in which its distances are measured; never 0.
 #[inline(always)]
 fn noise<const N: usize>(steady: &SteadyPlane, value: &[FeaturePlane; N]) -> SteadyPlane {
     let mut noise = *steady;
@@ -310,7 +310,7 @@ fn falloff(sum: f32) -> f32 {
     fourth * fourth
 }
 
-/// Adds to every pixel its partners a step to one side and to the other.
+/// Adds every pixel's partners, one step ahead and one step back.
 #[inline(always)]
 fn add_pairs<const N: usize>(
     weights: &[[f32; PADDED]; WEIGHTS_HEIGHT],
@@ -347,7 +347,7 @@ fn add_pairs<const N: usize>(
     }
 }
 
-/// Divides by the weights' sums, and gives the pixels that have no noise themselves back.
+/// Divides by the sums of the weights, and restores the pixels that have no noise.
 #[inline(always)]
 fn normalise<const N: usize>(
     sums: &BlockPlane,

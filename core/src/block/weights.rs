@@ -1,6 +1,6 @@
-//! What a fit wants to know of each pixel: its weight, its smoothed variance, and how far a prediction may be from it.
+//! What a fit needs to know of each pixel: its weight, its smoothed variance, and how far a prediction may be from it.
 //!
-//! Worked out in blocks, each from the colours and variances around it. A pixel's bits depend on what is around it and
+//! Computed block by block, from the colours and variances in and around it. A pixel's bits depend on what is around it and
 //! not on where it lies in a block: sums of floats are those of fixed neighbours in a fixed order, and those over 19 x 19 pixels, which
 //! slide, are sums of integers.
 
@@ -41,7 +41,7 @@ const _: () = assert!(ColourBlock::WIDTH <= INPUT_COLUMNS);
 pub type ColourPlane = [[f32; INPUT_COLUMNS]; INPUT_HEIGHT];
 type MeanRow = [f32; MEAN_COLUMNS];
 
-/// What a block's weights are made of.
+/// Input of [`weigh_samples`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColourBlock {
     /// Mean of the magnitudes of the three channels; 0 where the pixel is bad.
@@ -90,7 +90,7 @@ impl WeightBlock {
     };
 }
 
-/// Works out a block. The stack holds some 25 KiB.
+/// Computes a block. Takes some 25 KiB of stack.
 #[inline(always)]
 pub fn weigh_samples(input: &ColourBlock, output: &mut WeightBlock) {
     let mut logs = [LogRow::ZERO; MEAN_HEIGHT];

@@ -1,4 +1,4 @@
-//! How much noise the features of each window of a cell have kept.
+//! How much noise is left in the features of each window of a cell.
 
 use crate::cell::rings::{Centre, Centres};
 use crate::lanes::Vector;
@@ -29,7 +29,7 @@ impl<const D: usize> FeatureNoise<D> {
         sums.unwrap_or(&[0.0; D])
     }
 
-    /// Works out the sums of a tile's cell.
+    /// Computes the sums of a tile's cell.
     #[inline(always)]
     pub(crate) fn fill(&mut self, tile: &Tile<D>) {
         *self = Self::NONE;

@@ -47,14 +47,14 @@ impl<const D: usize, const L: usize> Default for Scratch<D, L> {
     }
 }
 
-/// Where cells of `D` features come from and go to. A lane holds one cell at a time.
+/// A source of cells with `D` features, and where their results go. Each lane holds one cell at a time.
 pub trait Cells<const D: usize> {
-    /// Puts the next cell into `lane`, with black sums of its layers; false if there is none left.
+    /// Loads the next cell into `lane`, the sums of its layers cleared; false if none is left.
     fn next(&mut self, lane: usize) -> bool;
     /// The tile in `lane`; any tile while the lane has no cell.
     fn tile(&self, lane: usize) -> &Tile<D>;
-    /// The predictions of the cell in `lane`, and the layers that follow it: as many in every lane.
+    /// The predictions of the cell in `lane`, and the layers that follow it: the same number in every lane.
     fn results(&mut self, lane: usize) -> (&mut Predictions, &mut [LayerTile]);
-    /// Takes the finished cell out of `lane`; `models` models were built for it.
+    /// The cell in `lane` is finished; `models` models were built for it.
     fn done(&mut self, lane: usize, models: u32);
 }

@@ -8,7 +8,7 @@ use crate::tile::Tile;
 
 /// Predicts one cell into `predictions` and the layers' sums, and returns how many models that took: [`denoise_cells`] for one.
 ///
-/// What `predictions` and the sums held is overwritten.
+/// Overwrites what `predictions` and the sums held.
 #[inline(always)]
 pub fn denoise_cell<const D: usize>(
     tile: &Tile<D>,

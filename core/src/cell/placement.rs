@@ -42,7 +42,7 @@ const ORDER: [Centre; CENTRES] = {
     order
 };
 
-/// How far a cell has come.
+/// Progress of a cell.
 pub(crate) struct Placement {
     /// Centres that may want a model yet.
     waiting: Deque<Centre, CENTRES>,

@@ -52,7 +52,7 @@ impl<const L: usize> Sample<L> {
 /// `L` windows of `D` features, ring after ring.
 #[repr(C, align(64))]
 pub(crate) struct Windows<const D: usize, const L: usize> {
-    /// Features as they came; then those of the range; in the end the local ones (see [`crate::cell::feature_space`]).
+    /// Features as given, then scaled to their range, in the end the local ones (see [`crate::cell::feature_space`]).
     pub(crate) features: [Vector<D, L>; WINDOW_AREA],
     pub(crate) samples: [Sample<L>; WINDOW_AREA],
     /// Radiance of 1 in each window's unit.
@@ -118,7 +118,7 @@ impl<const D: usize, const L: usize> Windows<D, L> {
         extent
     }
 
-    /// Brings radiance to the unit in which the largest weight is 1, so that no exposure overflows.
+    /// Scales radiance to the unit in which the largest weight is 1, so that no exposure overflows.
     #[inline(always)]
     fn use_own_unit(&mut self, largest_weight: &Lanes<L>) {
         let mut radiance_scale = [1.0; L];

@@ -8,10 +8,10 @@ use crate::cell::model::{Coefficients, Models};
 use crate::cell::window::{Colours, Windows};
 use crate::params::Params;
 
-/// How windows become models of at most `T` terms, and what it takes to fit layers in the way of the models.
+/// How windows become models of at most `T` terms, and what fitting layers in the way of the models needs.
 pub(crate) trait Fit<const T: usize, const D: usize, const L: usize>: Sized {
-    /// Fits each window on the first `T` of its terms, and leaves the local features in the windows. Unless `layers` follow, the
-    /// second may be empty.
+    /// Fits each window on the first `T` of its terms, and leaves the local features in the windows. What is
+    /// returned beside the models need only serve [`fit_layer`](Self::fit_layer) if there are `layers`.
     fn fit(
         windows: &mut Windows<D, L>,
         basis: &Basis<D, L>,

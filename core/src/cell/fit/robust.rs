@@ -37,7 +37,7 @@ const FIRST_TEST_RING: usize = 3;
 /// 10 alike).
 const HALF_WEIGHT: f32 = 5.0;
 
-/// What it takes to fit more channels in the way of the models.
+/// What fitting more channels in the way of the models needs.
 #[repr(C, align(64))]
 pub(crate) struct Systems<const T: usize, const L: usize> {
     gram: WideMatrix<T, L>,
@@ -158,7 +158,7 @@ struct Growth<const T: usize, const L: usize> {
     weights: Lanes<L>,
     /// Sum of weight times variance.
     noise: Lanes<L>,
-    /// Of a ring, by the model fitted before it.
+    /// Squared error of the current ring under the model fitted before it, without the noise.
     test: Lanes<L>,
     /// Accumulated risk, xi_acc of LPR Eq. 4, without the noise.
     risk: Lanes<L>,
