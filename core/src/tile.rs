@@ -80,10 +80,9 @@ impl<const D: usize> Tile<D> {
         feature_variance: [[0.0; D]; TILE_AREA],
     };
 
-    /// The pixel at `y * TILE + x`, or one outside the image.
+    /// The pixel at `y * TILE + x`; beyond the tile, one outside the image.
     #[inline(always)]
     pub(crate) fn pixel_at(&self, position: usize) -> &Pixel<D> {
-        debug_assert!(position < TILE_AREA, "{position} is not in the tile");
         self.pixels.get(position).unwrap_or(&Pixel::OUTSIDE)
     }
 }

@@ -15,9 +15,14 @@ pub(crate) type BlockRow = [f32; BLOCK_COLUMNS];
 /// The `N` columns from `first` on; they lie within the row.
 #[inline(always)]
 pub(crate) fn columns<const N: usize>(row: &[f32], first: usize) -> &[f32; N] {
-    let run = row.get(first..).and_then(<[f32]>::first_chunk);
-    debug_assert!(run.is_some(), "{N} columns from {first} of {}", row.len());
-    run.unwrap_or(const { &[0.0; N] })
+    debug_assert!(
+        first + N <= row.len(),
+        "{N} columns from {first} of {}",
+        row.len()
+    );
+    row.get(first..)
+        .and_then(<[f32]>::first_chunk)
+        .unwrap_or(const { &[0.0; N] })
 }
 
 /// The `N` columns from `first` on of row `y` of a plane; they lie within it.
@@ -27,7 +32,9 @@ pub(crate) fn columns_of<const N: usize, const W: usize>(
     y: usize,
     first: usize,
 ) -> &[f32; N] {
-    let row = plane.get(y);
-    debug_assert!(row.is_some(), "row {y} of {}", plane.len());
-    row.map_or(const { &[0.0; N] }, |row| columns(row, first))
+    debug_assert!(y < plane.len(), "row {y} of {}", plane.len());
+    match plane.get(y) {
+        Some(row) => columns(row, first),
+        None => const { &[0.0; N] },
+    }
 }

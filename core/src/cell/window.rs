@@ -81,7 +81,7 @@ impl<const D: usize, const L: usize> Windows<D, L> {
     /// Reads the window around each centre; a lane without one has no valid pixel.
     #[inline(always)]
     pub(crate) fn read(&mut self, tiles: &[&Tile<D>; L], centres: &Centres<L>) -> Extent<D, L> {
-        let positions = centres.map(|centre| centre.map(Centre::position));
+        let positions = centres.map(|centre| centre.map_or(BEYOND, Centre::position));
         let mut extent = Extent {
             pixels: [0.0; L],
             low: [[f32::MAX; L]; D],
@@ -100,10 +100,7 @@ impl<const D: usize, const L: usize> Windows<D, L> {
                 };
                 let mut pixels = [const { &Pixel::OUTSIDE }; L];
                 for l in 0..L {
-                    pixels[l] = match positions[l] {
-                        Some(position) => tiles[l].pixel_at(position.wrapping_add_signed(step)),
-                        None => &Pixel::OUTSIDE,
-                    };
+                    pixels[l] = tiles[l].pixel_at(positions[l].wrapping_add_signed(step));
                 }
                 take_four::<0, D, L>(&pixels, features, sample);
                 take_four::<4, D, L>(&pixels, features, sample);
@@ -226,6 +223,9 @@ fn value<const D: usize>(pixel: &Pixel<D>, k: usize) -> f32 {
         _ => 0.0,
     }
 }
+
+/// The centre of a window without a centre: beyond every tile.
+const BEYOND: usize = usize::MAX / 2;
 
 /// Pixels along a window.
 const SPAN: usize = 2 * RADIUS + 1;
