@@ -9,7 +9,7 @@
 )]
 
 use crate::float::fine_reciprocal_sqrt;
-use crate::lanes::{Lanes, Matrix, Vector, outer};
+use crate::lanes::{Lanes, Matrix, Vector, lanes_stay_innermost};
 
 /// Sweeps at most; six are the most seen on windows of real and of adversarial features.
 const SWEEPS: usize = 12;
@@ -79,10 +79,11 @@ pub(crate) fn decorrelate<const D: usize, const L: usize>(
         }
     }
     let mut values = [[0.0; L]; D];
-    for i in outer(0..D) {
+    for i in 0..D {
         for l in 0..L {
             values[i][l] = (matrix[i][i][l] * scale[l]).clamp(f32::MIN, f32::MAX);
         }
+        lanes_stay_innermost();
     }
     Decomposed {
         values,
@@ -192,9 +193,10 @@ fn rotate<const D: usize, const L: usize>(
         matrix[p][q][l] = left;
         matrix[q][p][l] = left;
     }
-    for k in outer(0..D) {
+    for k in 0..D {
         matrix[k][p] = matrix[p][k];
         matrix[k][q] = matrix[q][k];
+        lanes_stay_innermost();
     }
 }
 
@@ -207,12 +209,13 @@ fn mix_rows<const D: usize, const L: usize>(
     cosine: &Lanes<L>,
     sine: &Lanes<L>,
 ) {
-    for k in outer(0..D) {
+    for k in 0..D {
         let (at_p, at_q) = (rows[p][k], rows[q][k]);
         for l in 0..L {
             rows[p][k][l] = cosine[l] * at_p[l] - sine[l] * at_q[l];
             rows[q][k][l] = sine[l] * at_p[l] + cosine[l] * at_q[l];
         }
+        lanes_stay_innermost();
     }
 }
 

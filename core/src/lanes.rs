@@ -36,28 +36,10 @@ pub(crate) struct Aligned<A>(pub(crate) A);
 /// The lanes of one pixel lie side by side in memory, those of the next do not: vector instructions are for lanes. LLVM's
 /// loop vectoriser sees the unrolled lanes as so many strided streams, goes across pixels instead and gathers
 /// (measured with AVX-512: the whole cell several times slower). A fence, which becomes no instruction, keeps it out.
+/// An iterator that does this by itself reads better and takes 0.6 % more instructions.
 #[inline(always)]
-fn lanes_stay_innermost() {
+pub(crate) fn lanes_stay_innermost() {
     compiler_fence(Ordering::SeqCst);
-}
-
-/// The items of a loop over pixels, terms or features around the loops over lanes, with [`lanes_stay_innermost`] before and after each.
-#[inline(always)]
-pub(crate) fn outer<I: IntoIterator>(items: I) -> Outer<I::IntoIter> {
-    Outer(items.into_iter())
-}
-
-/// See [`outer`].
-pub(crate) struct Outer<I>(I);
-
-impl<I: Iterator> Iterator for Outer<I> {
-    type Item = I::Item;
-
-    #[inline(always)]
-    fn next(&mut self) -> Option<I::Item> {
-        lanes_stay_innermost();
-        self.0.next()
-    }
 }
 
 /// Adds `left(p) * right(p)[j]` to `sums[j]`, for j of `range` and `N` pixels p in their order.
@@ -103,7 +85,7 @@ fn add_block<'a, A, const K: usize, const W: usize, const N: usize, const L: usi
         return;
     };
     let mut block = *sums;
-    for p in outer(0..N) {
+    for p in 0..N {
         let by = left(p);
         if let Some(values) = right(p)
             .get(j..)
@@ -115,6 +97,7 @@ fn add_block<'a, A, const K: usize, const W: usize, const N: usize, const L: usi
                 }
             }
         }
+        lanes_stay_innermost();
     }
     *sums = block;
     lanes_stay_innermost();

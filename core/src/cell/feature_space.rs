@@ -15,7 +15,7 @@
 
 use crate::cell::window::{Extent, Windows};
 use crate::eigen::{Decomposed, decorrelate};
-use crate::lanes::{Aligned, Lanes, Matrix, Vector, add_products, outer};
+use crate::lanes::{Aligned, Lanes, Matrix, Vector, add_products, lanes_stay_innermost};
 use crate::tile::WINDOW_AREA;
 
 /// A feature that moves less than this part of its magnitude in the window is constant.
@@ -87,7 +87,7 @@ pub(crate) fn find_basis<const D: usize, const L: usize>(
 #[inline(always)]
 fn scales<const D: usize, const L: usize>(extent: &Extent<D, L>) -> Vector<D, L> {
     let mut scale = [[0.0; L]; D];
-    for j in outer(0..D) {
+    for j in 0..D {
         for l in 0..L {
             let (low, high) = (extent.low[j][l], extent.high[j][l]);
             let range = high - low;
@@ -95,6 +95,7 @@ fn scales<const D: usize, const L: usize>(extent: &Extent<D, L>) -> Vector<D, L>
             let moves = range > floor && range > f32::MIN_POSITIVE && range.is_finite();
             scale[j][l] = if moves { 2.0 / range } else { 0.0 };
         }
+        lanes_stay_innermost();
     }
     scale
 }
@@ -137,10 +138,11 @@ impl<const D: usize, const L: usize> RangeSums<D, L> {
     ) {
         let [first, ..] = &windows.features;
         let mut origin = *first;
-        for j in outer(0..D) {
+        for j in 0..D {
             for l in 0..L {
                 origin[j][l] = within(origin[j][l], extent.low[j][l], extent.high[j][l]);
             }
+            lanes_stay_innermost();
         }
         let features = windows.features.chunks_exact_mut(BATCH);
         for (features, samples) in features.zip(windows.samples.chunks_exact(BATCH)) {
@@ -153,7 +155,7 @@ impl<const D: usize, const L: usize> RangeSums<D, L> {
             };
             let mut rows = Aligned([[[0.0; L]; D]; BATCH]);
             for p in 0..BATCH {
-                for j in outer(0..D) {
+                for j in 0..D {
                     for l in 0..L {
                         let value = features[p][j][l];
                         let inside = if WHOLE {
@@ -166,6 +168,7 @@ impl<const D: usize, const L: usize> RangeSums<D, L> {
                         let valid = WHOLE || samples[p].weight[l] > 0.0;
                         rows.0[p][j][l] = if valid { mapped } else { 0.0 };
                     }
+                    lanes_stay_innermost();
                 }
             }
             self.add(&rows.0);
@@ -178,10 +181,11 @@ impl<const D: usize, const L: usize> RangeSums<D, L> {
             let products = &mut self.products.0[j];
             add_products::<f32, D, BATCH, L>(products, j..D, |p| &rows[p][j], |p| &rows[p]);
             let mut total = self.totals.0[j];
-            for row in outer(rows) {
+            for row in rows {
                 for l in 0..L {
                     total[l] += row[j][l];
                 }
+                lanes_stay_innermost();
             }
             self.totals.0[j] = total;
         }
@@ -192,13 +196,14 @@ impl<const D: usize, const L: usize> RangeSums<D, L> {
     fn centred(self, pixels: &Lanes<L>) -> Matrix<D, L> {
         let mut products = self.products.0;
         for j in 0..D {
-            for k in outer(j..D) {
+            for k in j..D {
                 for l in 0..L {
                     // 0 / 0 in a window without pixels, which has no sums either.
                     let mean = self.totals.0[j][l] / pixels[l];
                     let mean = if pixels[l] > 0.0 { mean } else { 0.0 };
                     products[j][k][l] -= mean * self.totals.0[k][l];
                 }
+                lanes_stay_innermost();
             }
         }
         products
@@ -255,8 +260,9 @@ pub(crate) fn project_all<const T: usize, const D: usize, const L: usize>(
     windows: &mut Windows<D, L>,
     basis: &Basis<D, L>,
 ) {
-    for features in outer(&mut windows.features) {
+    for features in &mut windows.features {
         project::<T, D, L>(features, basis);
+        lanes_stay_innermost();
     }
 }
 
@@ -273,7 +279,8 @@ pub(crate) fn project<const T: usize, const D: usize, const L: usize>(
         |j| &features[j],
         |j| &basis.axes[j],
     );
-    for k in outer(0..D) {
+    for k in 0..D {
         features[k] = local.0[k];
+        lanes_stay_innermost();
     }
 }

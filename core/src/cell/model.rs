@@ -6,7 +6,7 @@
 )]
 
 use crate::cell::window::Sample;
-use crate::lanes::{Lanes, Rgb, Vector, outer};
+use crate::lanes::{Lanes, Rgb, Vector, lanes_stay_innermost};
 use crate::tile::CHANNELS;
 
 /// Coefficients of each channel, in the window's unit of radiance; 0 beyond a lane's terms.
@@ -76,7 +76,7 @@ pub(crate) fn evaluate<const T: usize, const D: usize, const L: usize>(
     for c in 0..CHANNELS {
         values[c] = coefficients[c][0];
     }
-    for t in outer(1..T) {
+    for t in 1..T {
         if let Some(feature) = features.get(t - 1) {
             for c in 0..CHANNELS {
                 for l in 0..L {
@@ -84,6 +84,7 @@ pub(crate) fn evaluate<const T: usize, const D: usize, const L: usize>(
                 }
             }
         }
+        lanes_stay_innermost();
     }
     values
 }

@@ -9,7 +9,7 @@ use crate::blend::{self, ERROR_SOFTENING, LayerTile, Predictions, Sum};
 use crate::cell::model::{Coefficients, Models, evaluate};
 use crate::cell::rings::{Centre, RING_STEPS, RINGS, window_pixels};
 use crate::cell::window::{Colours, Sample, Windows};
-use crate::lanes::{Lanes, Rgb, Vector, outer};
+use crate::lanes::{Lanes, Rgb, Vector, lanes_stay_innermost};
 use crate::params::Formulas;
 use crate::tile::{RADIUS, WINDOW_AREA};
 
@@ -130,7 +130,7 @@ impl<const L: usize> PredictionWindows<L> {
             predicted[l] = window_pixels(models.radius[l]) as f32;
         }
         let pixels = windows.features.iter().zip(&windows.samples);
-        for (i, (features, sample)) in outer(pixels.enumerate().take(window_pixels(widest))) {
+        for (i, (features, sample)) in pixels.enumerate().take(window_pixels(widest)) {
             let colour = evaluate(&models.coefficients, features);
             self.judge(i, &colour, sample, &predicted);
             if let Some(predictions) = self.colour.get_mut(i) {
@@ -140,6 +140,7 @@ impl<const L: usize> PredictionWindows<L> {
                     }
                 }
             }
+            lanes_stay_innermost();
         }
         let common = self.common(models, windows);
         self.rate(&common, &windows.samples, formulas, widest);
@@ -198,7 +199,7 @@ impl<const L: usize> PredictionWindows<L> {
         formulas: Formulas,
         widest: usize,
     ) {
-        for (i, sample) in outer(samples.iter().enumerate().take(window_pixels(widest))) {
+        for (i, sample) in samples.iter().enumerate().take(window_pixels(widest)) {
             let bias = self.local_error(i, &common.expected);
             let (Some(confidence), Some(error), Some(colour)) = (
                 self.confidence.get_mut(i),
@@ -229,6 +230,7 @@ impl<const L: usize> PredictionWindows<L> {
                 colour[1][l] = if kept { g } else { 0.0 };
                 colour[2][l] = if kept { b } else { 0.0 };
             }
+            lanes_stay_innermost();
         }
     }
 
@@ -306,8 +308,9 @@ impl<const L: usize> PredictionWindows<L> {
         let rank = (terms - 1) as f32;
         let centre = centre.position();
         let own = self.colour.iter().zip(&self.confidence).zip(&self.error);
-        let own = outer(own.zip(&RING_STEPS).take(window_pixels(radius)));
-        for (((colour, confidence), error), &step) in own {
+        for (((colour, confidence), error), &step) in
+            own.zip(&RING_STEPS).take(window_pixels(radius))
+        {
             let (Some(sum), Some(&confidence), Some(&error)) = (
                 predictions.sums.get_mut(centre.wrapping_add_signed(step)),
                 confidence.get(l),
@@ -323,6 +326,7 @@ impl<const L: usize> PredictionWindows<L> {
                 radius: radius as f32 * confidence,
                 rank: rank * confidence,
             });
+            lanes_stay_innermost();
         }
     }
 
@@ -333,8 +337,9 @@ impl<const L: usize> PredictionWindows<L> {
         coefficients: &Coefficients<T, L>,
         windows: &Windows<D, L>,
     ) {
-        for (colour, features) in outer(self.colour.iter_mut().zip(&windows.features)) {
+        for (colour, features) in self.colour.iter_mut().zip(&windows.features) {
             *colour = evaluate(coefficients, features);
+            lanes_stay_innermost();
         }
     }
 

@@ -7,7 +7,7 @@
 
 use crate::cell::rings::{Centre, Centres, RINGS};
 use crate::float::sqrt;
-use crate::lanes::{Lanes, Rgb, Vector, outer};
+use crate::lanes::{Lanes, Rgb, Vector, lanes_stay_innermost};
 use crate::tile::{Pixel, RADIUS, TILE, Tile, WINDOW_AREA};
 
 /// Radiance over each window, ring after ring.
@@ -89,7 +89,7 @@ impl<const D: usize, const L: usize> Windows<D, L> {
             weight: [0.0; L],
         };
         for (row, places) in RASTER_TO_RING.iter().enumerate() {
-            for (column, &place) in outer(places.iter().enumerate()) {
+            for (column, &place) in places.iter().enumerate() {
                 let step = (row * TILE + column) as isize - (RADIUS * (TILE + 1)) as isize;
                 let (Some(features), Some(sample)) = (
                     self.features.get_mut(usize::from(place)),
@@ -109,6 +109,7 @@ impl<const D: usize, const L: usize> Windows<D, L> {
                 take_four::<16, D, L>(&pixels, features, sample);
                 take_four::<20, D, L>(&pixels, features, sample);
                 extent.take_in(features, sample);
+                lanes_stay_innermost();
             }
         }
         self.use_own_unit(&extent.weight);
@@ -128,7 +129,7 @@ impl<const D: usize, const L: usize> Windows<D, L> {
             radiance_scale[l] = sqrt(largest[l]);
         }
         self.radiance_scale = radiance_scale;
-        for sample in outer(&mut self.samples) {
+        for sample in &mut self.samples {
             for l in 0..L {
                 for c in 0..3 {
                     sample.colour[c][l] *= radiance_scale[l];
@@ -137,6 +138,7 @@ impl<const D: usize, const L: usize> Windows<D, L> {
                 sample.variance[l] *= largest[l];
                 sample.tolerance[l] *= largest[l];
             }
+            lanes_stay_innermost();
         }
     }
 }
@@ -154,13 +156,14 @@ impl<const D: usize, const L: usize> Extent<D, L> {
             let largest = self.weight[l];
             self.weight[l] = if weight > largest { weight } else { largest };
         }
-        for j in outer(0..D) {
+        for j in 0..D {
             for l in 0..L {
                 let (low, high) = (self.low[j][l], self.high[j][l]);
                 let (below, above) = (values[j][l] + away[l], values[j][l] - away[l]);
                 self.low[j][l] = if below < low { below } else { low };
                 self.high[j][l] = if above > high { above } else { high };
             }
+            lanes_stay_innermost();
         }
     }
 }

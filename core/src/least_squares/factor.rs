@@ -6,7 +6,7 @@
 )]
 
 use crate::float::saturate;
-use crate::lanes::{Aligned, Lanes, Vector, WideMatrix, WideVector, outer};
+use crate::lanes::{Aligned, Lanes, Vector, WideMatrix, WideVector, lanes_stay_innermost};
 
 /// A pivot below this part of its diagonal element is rounding, not information.
 const PIVOT_NOISE: f64 = 1e-14;
@@ -44,35 +44,39 @@ impl<const T: usize, const L: usize> Factor<T, L> {
                 pivot[l] = gram[j][j][l] + f64::from(if strength > 0.0 { strength } else { 0.0 });
             }
             let diagonal = pivot;
-            for k in outer(0..j) {
+            for k in 0..j {
                 for l in 0..L {
                     scaled.0[k][l] = factor.lower[j][k][l] * factor.inverse[k][l];
                     pivot[l] -= factor.lower[j][k][l] * scaled.0[k][l];
                 }
+                lanes_stay_innermost();
             }
             for l in 0..L {
                 factor.finite[l] &= pivot[l].is_finite();
                 let informed = pivot[l] > PIVOT_NOISE * diagonal[l];
                 factor.inverse[j][l] = if informed { 1.0 / pivot[l] } else { 0.0 };
             }
-            for i in outer(j + 1..T) {
+            for i in j + 1..T {
                 let mut sum = gram[j][i];
-                for k in outer(0..j) {
+                for k in 0..j {
                     for l in 0..L {
                         sum[l] -= factor.lower[i][k][l] * scaled.0[k][l];
                     }
+                    lanes_stay_innermost();
                 }
                 for l in 0..L {
                     let informed = factor.inverse[j][l] > 0.0;
                     factor.lower[i][j][l] = if informed { sum[l] } else { 0.0 };
                 }
+                lanes_stay_innermost();
             }
         }
         for j in 0..T {
-            for k in outer(0..j) {
+            for k in 0..j {
                 for l in 0..L {
                     factor.lower[j][k][l] *= factor.inverse[k][l];
                 }
+                lanes_stay_innermost();
             }
         }
         factor
@@ -83,10 +87,11 @@ impl<const T: usize, const L: usize> Factor<T, L> {
     pub(crate) fn solve(&self, x: &mut WideVector<T, L>) {
         for j in 0..T {
             let mut sum = x[j];
-            for k in outer(0..j) {
+            for k in 0..j {
                 for l in 0..L {
                     sum[l] -= self.lower[j][k][l] * x[k][l];
                 }
+                lanes_stay_innermost();
             }
             x[j] = sum;
         }
@@ -95,10 +100,11 @@ impl<const T: usize, const L: usize> Factor<T, L> {
             for l in 0..L {
                 sum[l] *= self.inverse[j][l];
             }
-            for k in outer(j + 1..T) {
+            for k in j + 1..T {
                 for l in 0..L {
                     sum[l] -= self.lower[k][j][l] * x[k][l];
                 }
+                lanes_stay_innermost();
             }
             x[j] = sum;
         }
@@ -116,18 +122,20 @@ impl<const T: usize, const L: usize> Factor<T, L> {
         for column in 0..T {
             let mut x = Aligned([[0.0; L]; T]);
             let mut own = self.inverse[column];
-            for j in outer(column + 1..T) {
+            for j in column + 1..T {
                 for l in 0..L {
                     x.0[j][l] = -self.lower[j][column][l];
                 }
-                for k in outer(column + 1..j) {
+                for k in column + 1..j {
                     for l in 0..L {
                         x.0[j][l] -= self.lower[j][k][l] * x.0[k][l];
                     }
+                    lanes_stay_innermost();
                 }
                 for l in 0..L {
                     own[l] += x.0[j][l] * x.0[j][l] * self.inverse[j][l];
                 }
+                lanes_stay_innermost();
             }
             for l in 0..L {
                 let left = 1.0 - f64::from(strengths[column][l]) * own[l];

@@ -10,7 +10,9 @@
 )]
 
 use crate::float::saturate;
-use crate::lanes::{Lanes, Rgb, Vector, WideLanes, WideMatrix, WideVector, add_products, outer};
+use crate::lanes::{
+    Lanes, Rgb, Vector, WideLanes, WideMatrix, WideVector, add_products, lanes_stay_innermost,
+};
 use crate::tile::CHANNELS;
 
 /// Sums over the pixels so far; the first regressor is the intercept.
@@ -48,11 +50,12 @@ impl<const T: usize, const L: usize> Sums<T, L> {
         }
         batch.add_to_moments(&mut self.moments);
         for p in 0..N {
-            for c in outer(0..CHANNELS) {
+            for c in 0..CHANNELS {
                 for l in 0..L {
                     let y = batch.response[p][c][l];
                     self.squares[c][l] += batch.weight[p][l] * y * y;
                 }
+                lanes_stay_innermost();
             }
         }
     }
@@ -71,17 +74,16 @@ impl<const T: usize, const L: usize> Sums<T, L> {
         let mut residual = [[0.0; L]; CHANNELS];
         for c in 0..CHANNELS {
             let mut sum = self.squares[c];
-            for i in outer(0..T) {
+            for i in 0..T {
                 let mut fitted = [0.0; L];
-                for j in outer(0..T) {
+                for j in 0..T {
                     let entry = &self.gram[i.min(j)][i.max(j)];
-                    for l in 0..L {
-                        fitted[l] += entry[l] * f64::from(beta[c][j][l]);
-                    }
+                    multiply_add(&mut fitted, entry, &widened(&beta[c][j]));
                 }
                 for l in 0..L {
                     sum[l] += f64::from(beta[c][i][l]) * (fitted[l] - 2.0 * self.moments[c][i][l]);
                 }
+                lanes_stay_innermost();
             }
             for l in 0..L {
                 residual[c][l] = saturate(if sum[l] > 0.0 { sum[l] } else { 0.0 });
@@ -101,10 +103,11 @@ pub(crate) fn centred_moments<const T: usize, const L: usize>(
     let mut centred = *moments;
     for c in 0..CHANNELS {
         let intercept = widened(&intercepts[c]);
-        for j in outer(0..T) {
+        for j in 0..T {
             for l in 0..L {
                 centred[c][j][l] -= gram[0][j][l] * intercept[l];
             }
+            lanes_stay_innermost();
         }
     }
     centred
@@ -154,17 +157,19 @@ impl<const T: usize, const L: usize, const N: usize> Batch<T, L, N> {
         for l in 0..L {
             weights[l] = f64::from(weight[l]);
         }
-        for t in outer(0..T) {
+        for t in 0..T {
             let z = regressor(t);
             for l in 0..L {
                 regressors[t][l] = f64::from(z[l]);
                 weighted[t][l] = regressors[t][l] * weights[l];
             }
+            lanes_stay_innermost();
         }
-        for c in outer(0..CHANNELS) {
+        for c in 0..CHANNELS {
             for l in 0..L {
                 responses[c][l] = f64::from(response[c][l]);
             }
+            lanes_stay_innermost();
         }
     }
 
@@ -180,6 +185,14 @@ impl<const T: usize, const L: usize, const N: usize> Batch<T, L, N> {
             );
         }
     }
+}
+
+#[inline(always)]
+fn multiply_add<const L: usize>(sum: &mut WideLanes<L>, a: &WideLanes<L>, b: &WideLanes<L>) {
+    for l in 0..L {
+        sum[l] += a[l] * b[l];
+    }
+    lanes_stay_innermost();
 }
 
 #[inline(always)]

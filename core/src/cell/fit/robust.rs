@@ -21,7 +21,7 @@ use crate::cell::model::{Coefficients, Models, constant, copy_lane, regressor, s
 use crate::cell::rings::window_pixels;
 use crate::cell::window::{Colours, Sample, Windows};
 use crate::float::saturate;
-use crate::lanes::{Aligned, Lanes, Rgb, Vector, WideMatrix, WideVector, outer};
+use crate::lanes::{Aligned, Lanes, Rgb, Vector, WideMatrix, WideVector, lanes_stay_innermost};
 use crate::least_squares::factor::Factor;
 use crate::least_squares::sums::{Batch, Sums, centred_moments};
 use crate::params::Params;
@@ -90,8 +90,9 @@ impl<const T: usize, const D: usize, const L: usize> Fit<T, D, L> for Systems<T,
             ))
         });
         for radius in 1..=RADIUS {
-            for (features, samples) in outer(batches.by_ref().take(radius)) {
+            for (features, samples) in batches.by_ref().take(radius) {
                 growth.take_in::<BATCH, D>(radius, features, samples, basis, &mut batch);
+                lanes_stay_innermost();
             }
             growth.choose(radius, params);
         }
@@ -109,7 +110,7 @@ impl<const T: usize, const D: usize, const L: usize> Fit<T, D, L> for Systems<T,
         let mut moments = [[[0.0; L]; T]; CHANNELS];
         let mut batch = Batch::<T, L, 1>::ZERO;
         let pixels = windows.features.iter().zip(&windows.samples).zip(layer);
-        for (i, ((features, sample), colour)) in outer(pixels.enumerate()) {
+        for (i, ((features, sample), colour)) in pixels.enumerate() {
             let mut weight = nearness_times::<T, D, L>(features, &sample.weight);
             for l in 0..L {
                 if radius[l] == 0 || i >= window_pixels(radius[l]) {
@@ -118,6 +119,7 @@ impl<const T: usize, const D: usize, const L: usize> Fit<T, D, L> for Systems<T,
             }
             batch.set(0, |t| regressor(features, t), colour, &weight);
             batch.add_to_moments(&mut moments);
+            lanes_stay_innermost();
         }
         let change = centred_moments(&self.gram, &moments, centre);
         minimiser(&self.factor, change, centre).0
@@ -134,10 +136,11 @@ fn nearness_times<const T: usize, const D: usize, const L: usize>(
     weight: &Lanes<L>,
 ) -> Lanes<L> {
     let mut squared = [0.0; L];
-    for feature in outer(features.iter().take(T - 1)) {
+    for feature in features.iter().take(T - 1) {
         for l in 0..L {
             squared[l] += feature[l] * feature[l];
         }
+        lanes_stay_innermost();
     }
     let mut near = *weight;
     for l in 0..L {
@@ -203,7 +206,7 @@ impl<const T: usize, const L: usize> Growth<T, L> {
         basis: &Basis<D, L>,
         batch: &mut Batch<T, L, N>,
     ) {
-        for p in outer(0..N) {
+        for p in 0..N {
             let (features, sample) = (&mut features[p], &samples[p]);
             project::<T, D, L>(features, basis);
             let weight = nearness_times::<T, D, L>(features, &sample.weight);
@@ -220,6 +223,7 @@ impl<const T: usize, const L: usize> Growth<T, L> {
                 self.weights[l] += weight[l];
                 self.noise[l] += weight[l] * sample.variance[l];
             }
+            lanes_stay_innermost();
         }
         self.sums.add(batch);
     }
@@ -318,12 +322,13 @@ fn minimiser<const T: usize, const L: usize>(
     let mut finite = [true; L];
     for c in 0..CHANNELS {
         factor.solve(&mut change[c]);
-        for t in outer(0..T) {
+        for t in 0..T {
             for l in 0..L {
                 let value = f64::from(coefficients[c][t][l]) + change[c][t][l];
                 finite[l] &= value.is_finite();
                 coefficients[c][t][l] = saturate(value);
             }
+            lanes_stay_innermost();
         }
     }
     (coefficients, finite)
