@@ -8,10 +8,10 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use libfuzzer_sys::fuzz_target;
-use linpred::inspect::inspect;
-use linpred::job::{Input, InputRequest, JobOptions, denoise};
-use linpred::pipeline::Options;
-use linpred::rewrite::ExtraLayers;
+use linpred::job::inspect::inspect;
+use linpred::job::denoise::{Input, InputRequest, JobOptions, denoise};
+use linpred::stream::pipeline::Options;
+use linpred::image::rewrite::ExtraLayers;
 use linpred_core::{Params, Quality};
 
 /// Bytes of memory that a file may ask for.

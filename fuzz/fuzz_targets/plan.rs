@@ -9,10 +9,10 @@ use std::num::NonZeroUsize;
 use std::ops::{ControlFlow, Range};
 
 use libfuzzer_sys::fuzz_target;
-use linpred::band::{Band, BandSink, BandSource};
+use linpred::job::band::{Band, BandSink, BandSource};
 use linpred::error::Error;
 use linpred::geometry::ImageSize;
-use linpred::pipeline::{Options, denoise};
+use linpred::stream::pipeline::{Options, denoise};
 use linpred::row::{FEATURES, InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
 use linpred_core::{Params, Quality};
 

@@ -7,9 +7,9 @@
 use std::collections::BTreeSet;
 
 use libfuzzer_sys::fuzz_target;
-use linpred::job::{Input, InputRequest};
-use linpred::presets::Preset;
-use linpred::roles::{Mapping, RoleRequest};
+use linpred::job::denoise::{Input, InputRequest};
+use linpred::channels::presets::Preset;
+use linpred::channels::roles::{Mapping, RoleRequest};
 use linpred_tests::images::{float, half, part, write};
 
 const PRESETS: [&str; 7] = [

@@ -5,9 +5,9 @@ use std::ops::{ControlFlow, Range};
 
 use linpred::error::Error;
 use linpred::geometry::ImageSize;
-use linpred::pipeline::{Options, Report, denoise};
 use linpred::row::{FEATURES, InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
-use linpred::survey::{Survey, survey};
+use linpred::stream::pipeline::{Options, Report, denoise};
+use linpred::stream::survey::{Survey, survey};
 use linpred_core::Params;
 use proptest::prelude::{Just, Strategy, any};
 use proptest::sample::select;

@@ -5,8 +5,8 @@ use std::thread;
 
 use linpred::error::Error;
 use linpred::geometry::ImageSize;
-use linpred::overlap::{ReadAhead, WriteBehind};
 use linpred::row::{FEATURES, InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
+use linpred::stream::overlap::{ReadAhead, WriteBehind};
 
 const WIDTH: usize = 3;
 

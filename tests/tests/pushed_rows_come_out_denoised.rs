@@ -5,9 +5,9 @@ use std::ops::ControlFlow;
 
 use linpred::error::Error;
 use linpred::geometry::ImageSize;
-use linpred::pipeline::{self, Options};
-use linpred::push;
 use linpred::row::{FEATURES, InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
+use linpred::stream::pipeline::{self, Options};
+use linpred::stream::push;
 use linpred_core::{Params, Quality};
 use linpred_tests::images::noise;
 

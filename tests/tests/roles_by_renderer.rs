@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use exr::prelude::{AttributeValue, FlatSamples};
+use linpred::channels::presets::{Preset, Role};
+use linpred::channels::roles::{Mapping, RoleRequest};
+use linpred::channels::variance::{Count, Meaning, Variance};
 use linpred::error::Error;
-use linpred::job::{Input, InputRequest};
-use linpred::presets::{Preset, Role};
-use linpred::roles::{Mapping, RoleRequest};
-use linpred::variance::{Count, Meaning, Variance};
+use linpred::job::denoise::{Input, InputRequest};
 use linpred_tests::images::{TestPart, constant, float, half, part, write};
 
 const SIZE: (usize, usize) = (4, 3);

@@ -5,10 +5,10 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use exr::prelude::*;
-use linpred::job::{Input, InputRequest};
-use linpred::rewrite::ExtraLayers;
+use linpred::image::rewrite::ExtraLayers;
+use linpred::image::sink::ExrSink;
+use linpred::job::denoise::{Input, InputRequest};
 use linpred::row::{InputRow, OutputRow, RowSink, RowSource, VarianceKind};
-use linpred::sink::ExrSink;
 use linpred_tests::command::linpred;
 use linpred_tests::images::{
     NamedSamples, TestPart, channel_names, colour, constant, everything, half, noise, part, read,

@@ -10,9 +10,9 @@ use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
 use linpred::geometry::ImageSize;
-use linpred::pipeline::{self, Options};
-use linpred::push;
 use linpred::row::{FEATURES, InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
+use linpred::stream::pipeline::{self, Options};
+use linpred::stream::push;
 use linpred_core::{Params, Quality};
 
 /// Pixels on the side of a bucket.

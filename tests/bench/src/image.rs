@@ -5,8 +5,8 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use linpred::error::Error;
 use linpred::geometry::ImageSize;
-use linpred::job::{Input, InputRequest};
-use linpred::memory::DEFAULT_LIMIT;
+use linpred::job::denoise::{Input, InputRequest};
+use linpred::job::memory::DEFAULT_LIMIT;
 use linpred::row::{InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
 
 /// A decoded image: every row of every channel that has a role.

@@ -6,8 +6,8 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
-use linpred::pipeline::{self, Options, Report};
 use linpred::row::RowSink;
+use linpred::stream::pipeline::{self, Options, Report};
 use linpred_core::Params;
 use serde::{Deserialize, Serialize};
 

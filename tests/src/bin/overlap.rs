@@ -13,13 +13,13 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use linpred::exr_file::codec::SharedCodec;
-use linpred::job::{self, Input, InputRequest, JobOptions};
-use linpred::overlap::{ROWS_IN_FLIGHT, ReadAhead, WriteBehind};
-use linpred::pipeline::{self, Options};
-use linpred::rewrite::ExtraLayers;
+use linpred::exr_file::compression::SharedCodec;
+use linpred::image::rewrite::ExtraLayers;
+use linpred::image::sink::ExrSink;
+use linpred::job::denoise::{Input, InputRequest, JobOptions};
 use linpred::row::{InputRow, OutputRow, RowLayout, RowSink, RowSource};
-use linpred::sink::ExrSink;
+use linpred::stream::overlap::{ROWS_IN_FLIGHT, ReadAhead, WriteBehind};
+use linpred::stream::pipeline::{self, Options};
 use linpred_core::{Params, Quality};
 
 /// Rows that are kept in memory and repeated.
@@ -52,7 +52,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let computing = timed("computing alone", || compute(&mut rows, &options.pipeline))?;
     let whole = timed("whole run", || {
         let stop = Arc::new(AtomicBool::new(false));
-        job::denoise(&input, output, &options, &stop, &mut |_| {}).map(drop)
+        linpred::job::denoise::denoise(&input, output, &options, &stop, &mut |_| {}).map(drop)
     })?;
     println!("{:.2} times the longer one", whole / files.max(computing));
     Ok(())

@@ -4,11 +4,11 @@ use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use linpred::band::Band;
-use linpred::memory::parse_size;
-use linpred::presets::PRESET_NAMES;
-use linpred::roles::Mapping;
-use linpred::sequence::parse_frames;
+use linpred::channels::presets::PRESET_NAMES;
+use linpred::channels::roles::Mapping;
+use linpred::job::band::Band;
+use linpred::job::memory::parse_size;
+use linpred::job::sequence::parse_frames;
 
 /// Denoises Monte Carlo renders by linear predictions from their feature layers.
 #[derive(Debug, Parser)]

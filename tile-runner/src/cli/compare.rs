@@ -3,10 +3,10 @@
 use std::io::Write;
 use std::process::ExitCode;
 
-use linpred::compare::{Comparison, compare};
 use linpred::error::Error;
-use linpred::heatmap::Heatmap;
-use linpred::memory::DEFAULT_LIMIT;
+use linpred::job::compare::{Comparison, compare};
+use linpred::job::heatmap::Heatmap;
+use linpred::job::memory::DEFAULT_LIMIT;
 
 use super::args::CompareArguments;
 
@@ -20,7 +20,7 @@ pub(crate) fn run(arguments: CompareArguments) -> Result<ExitCode, Error> {
         json,
     } = arguments;
     if let Some(path) = &heatmap {
-        linpred::job::check_output(path, &[&image, &reference])?;
+        linpred::job::denoise::check_output(path, &[&image, &reference])?;
     }
     let mut picture = None;
     let comparison = compare(&image, &reference, &map, DEFAULT_LIMIT, |size, errors| {

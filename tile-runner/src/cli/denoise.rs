@@ -10,14 +10,14 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
+use linpred::channels::presets::Preset;
+use linpred::channels::roles::RoleRequest;
 use linpred::error::Error;
-use linpred::job::{self, Input, InputRequest, JobOptions, Summary};
-use linpred::memory::DEFAULT_LIMIT;
-use linpred::pipeline::Options;
-use linpred::plan;
-use linpred::presets::Preset;
-use linpred::rewrite::ExtraLayers;
-use linpred::roles::RoleRequest;
+use linpred::image::rewrite::ExtraLayers;
+use linpred::job::denoise::{Input, InputRequest, JobOptions, Summary};
+use linpred::job::memory::DEFAULT_LIMIT;
+use linpred::job::plan;
+use linpred::stream::pipeline::Options;
 use linpred_core::{Params, Quality};
 
 use super::args::{
@@ -76,7 +76,8 @@ impl Run {
         let label = request.path.display().to_string();
         let mut progress = Progress::new(self.progress, input.height(), label);
         let mut told = |rows| progress.set(rows);
-        let result = job::denoise(&input, output, &self.options, &self.stop, &mut told);
+        let result =
+            linpred::job::denoise::denoise(&input, output, &self.options, &self.stop, &mut told);
         progress.end();
         report(&result?, started, self.log_format, output);
         Ok(())
@@ -170,7 +171,7 @@ pub(crate) fn request(arguments: InputArguments) -> InputRequest {
 
 fn dry_run(input: &Input, options: &JobOptions) -> Result<(), Error> {
     let (schedule, plan) = plan::schedule(input, &input.rewrite(options.extra)?, options);
-    let inspection = linpred::inspect::describe(input);
+    let inspection = linpred::job::inspect::describe(input);
     let threads = schedule.threads;
     let rows = schedule.rows_in_flight;
     // nobody is left to be told when standard output is closed

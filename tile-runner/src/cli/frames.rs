@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use linpred::error::Error;
-use linpred::job::InputRequest;
-use linpred::sequence::FramePattern;
+use linpred::job::denoise::InputRequest;
+use linpred::job::sequence::FramePattern;
 
 /// Input and output of each frame; `None` when the names hold no place for a frame number.
 pub(crate) fn find(

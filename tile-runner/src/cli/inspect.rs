@@ -4,10 +4,10 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use linpred::error::Error;
-use linpred::inspect::inspect_with;
-use linpred::job::Input;
-use linpred::memory::DEFAULT_LIMIT;
-use linpred::survey::{Survey, survey_input};
+use linpred::job::denoise::Input;
+use linpred::job::inspect::inspect_with;
+use linpred::job::memory::DEFAULT_LIMIT;
+use linpred::stream::survey::{Survey, survey_input};
 
 use super::args::{InspectArguments, ProgressStyle, SurveyArguments};
 use super::denoise::{all_threads, request};

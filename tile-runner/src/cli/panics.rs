@@ -2,7 +2,7 @@
 
 use std::panic::PanicHookInfo;
 
-use linpred::exr_file::coder_panics;
+use linpred::exr_file::compression::coder_panics;
 
 /// Keeps panics quiet that end in an error of their own; `--verbose` shows where they were.
 pub(crate) fn keep_caught_ones_quiet() {

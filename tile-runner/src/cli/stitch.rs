@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use linpred::error::Error;
-use linpred::stitch::stitch;
+use linpred::job::stitch::stitch;
 
 use super::args::StitchArguments;
 use super::stop;

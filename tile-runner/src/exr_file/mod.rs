@@ -6,14 +6,10 @@
 
 pub mod attributes;
 pub mod chunk;
-pub mod codec;
-pub mod coder_panics;
-mod dwa_leader;
+pub mod compression;
 pub mod grid;
 pub mod header;
 pub mod output;
-mod piz;
-mod predictor;
 pub mod reader;
 pub mod rows;
 pub mod writer;

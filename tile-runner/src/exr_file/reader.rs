@@ -10,8 +10,7 @@ use exr::meta::attribute::{Compression, IntegerBounds};
 
 use super::attributes::RawHeader;
 use super::chunk::ChunkHead;
-use super::codec::SharedCodec;
-use super::dwa_leader;
+use super::compression::{SharedCodec, dwa_leader};
 use super::grid::Place;
 use super::header::{Part, parse_parts};
 use crate::error::Error;

@@ -6,7 +6,7 @@ use exr::meta::attribute::{IntegerBounds, SampleType};
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 
-use super::codec::SharedCodec;
+use super::compression::SharedCodec;
 use super::reader::ExrFile;
 use crate::error::Error;
 

@@ -1,0 +1,142 @@
+//! Finds the noise of what has a role.
+
+use exr::meta::attribute::SampleType;
+
+use super::{Search, triple};
+use crate::channels::names::ChannelRef;
+use crate::channels::presets::Role;
+use crate::channels::samples::Samples;
+use crate::channels::variance::{Meaning, Variance};
+use crate::error::Error;
+
+impl Search<'_> {
+    pub(super) fn colour_variance(
+        &mut self,
+        colour: [ChannelRef; 3],
+        samples: Option<&Samples>,
+    ) -> Result<Variance<3>, Error> {
+        if let Some(file) = self.request.other_half {
+            return Ok(Variance::OtherFile(self.twins(&colour, file)?));
+        }
+        let halves = triple(self.get(Role::HalfA)).zip(triple(self.get(Role::HalfB)));
+        let by_user = |role| self.get(role).is_some_and(|a| a.rule.starts_with("--map"));
+        if let Some((a, b)) = halves
+            && by_user(Role::HalfA)
+            && !by_user(Role::Variance)
+        {
+            return Ok(Variance::Halves { a, b });
+        }
+        let Some(given) = self.get(Role::Variance).cloned() else {
+            let unwanted = self.request.map.iter().any(|m| m.role == Role::Variance);
+            return Ok(match halves {
+                Some((a, b)) if !unwanted => Variance::Halves { a, b },
+                _ => Variance::None,
+            });
+        };
+        if halves.is_some() {
+            self.notes.push("half buffers not used: the given variance is better (theirs has one degree of freedom)".into());
+        }
+        let channels = triple(Some(&given)).unwrap_or(colour);
+        if given.meaning == Meaning::SecondMoment {
+            self.refuse_half_moments(&channels, &colour)?;
+        }
+        let count = samples.map(|s| s.count);
+        if given.meaning.needs_count() && count.is_none() {
+            return Err(Error::Invalid(format!(
+                "{}: holds the {}, and the file does not state the samples per pixel: add --spp N, \
+                 or --map variance=none to estimate the variance from the picture",
+                self.names.place(channels[0]),
+                given.meaning.stored()
+            )));
+        }
+        Ok(Variance::Given {
+            meaning: given.meaning,
+            channels,
+            count,
+        })
+    }
+
+    /// The same channels in the image of the other half, which has the same data window.
+    fn twins<const N: usize>(
+        &self,
+        channels: &[ChannelRef; N],
+        file: usize,
+    ) -> Result<[ChannelRef; N], Error> {
+        let mut twins = *channels;
+        for (twin, &at) in twins.iter_mut().zip(channels) {
+            *twin = self.names.twin(at, file)?;
+            let window =
+                |at: ChannelRef| self.names.files()[at.file].parts()[at.part].data_window();
+            if window(*twin) != window(at) {
+                return Err(Error::Invalid(format!(
+                    "{}: its data window {:?} is not {:?}, that of the first image",
+                    self.names.place(*twin),
+                    window(*twin),
+                    window(at)
+                )));
+            }
+        }
+        Ok(twins)
+    }
+
+    fn is_half(&self, at: ChannelRef) -> bool {
+        self.names.files()[at.file].parts()[at.part].sample_type(at.channel) == SampleType::F16
+    }
+
+    fn refuse_half_moments(
+        &self,
+        moments: &[ChannelRef],
+        means: &[ChannelRef],
+    ) -> Result<(), Error> {
+        match moments.iter().chain(means).find(|at| self.is_half(**at)) {
+            None => Ok(()),
+            Some(at) => Err(Error::Invalid(format!(
+                "{} is half precision: the second moment less the squared mean keeps no digit of \
+                 the variance; render it as float, or add --map variance=none to estimate the \
+                 variance from the picture",
+                self.names.place(*at)
+            ))),
+        }
+    }
+
+    /// Noise of a feature: unlike the colour's it may be left out, so what is missing is a note.
+    pub(super) fn feature_variance<const N: usize>(
+        &mut self,
+        role: Role,
+        means: &[ChannelRef; N],
+        samples: Option<&Samples>,
+    ) -> Variance<N> {
+        if let Some(file) = self.request.other_half {
+            return self
+                .twins(means, file)
+                .map_or(Variance::None, Variance::OtherFile);
+        }
+        let Some(given) = self.get(role).cloned() else {
+            return Variance::None;
+        };
+        let Ok(channels) = <[ChannelRef; N]>::try_from(given.channels) else {
+            return Variance::None;
+        };
+        let count = samples.map(|s| s.count);
+        let problem = if given.meaning.needs_count() && count.is_none() {
+            Some("the number of samples is not known")
+        } else if given.meaning == Meaning::SecondMoment
+            && self.refuse_half_moments(&channels, means).is_err()
+        {
+            Some("second moments in half precision keep no digit of it")
+        } else {
+            None
+        };
+        if let Some(problem) = problem {
+            self.found.retain(|a| a.role != role);
+            self.notes
+                .push(format!("{} not used: {problem}", role.name()));
+            return Variance::None;
+        }
+        Variance::Given {
+            meaning: given.meaning,
+            channels,
+            count,
+        }
+    }
+}

@@ -1,0 +1,301 @@
+//! A part that is written anew: denoised rows, until they fill a row of blocks.
+
+use std::sync::Arc;
+
+use exr::meta::attribute::{ChannelList, IntegerBounds, SampleType};
+use half::f16;
+
+use crate::error::Error;
+use crate::exr_file::compression::SharedCodec;
+use crate::exr_file::writer::ExrWriter;
+use crate::exr_file::{ExrFile, PartRows, check_decodable};
+use crate::image::rewrite::{Fill, RewrittenPart};
+use crate::row::OutputRow;
+
+/// The part's plan, and its denoised samples since the last full row of blocks.
+#[derive(Debug)]
+pub(crate) struct PartInProgress {
+    plan: RewrittenPart,
+    kept: Kept,
+    /// The input's row that is the output's first.
+    first_row: usize,
+    /// Samples of each channel that is not kept, row by row; empty for those that are.
+    denoised: Vec<Vec<u8>>,
+    input: Arc<ExrFile>,
+    /// What decodes the input's blocks once more, and encodes the output's.
+    codec: SharedCodec,
+    /// The block that is being written.
+    block: Vec<u8>,
+    /// The block of the input that it is made of, where the channels differ.
+    decoded: Vec<u8>,
+}
+
+/// Where the channels that are kept come from.
+#[derive(Debug)]
+enum Kept {
+    /// There are none.
+    Nothing,
+    /// The input's blocks, which are cut like the output's.
+    Blocks,
+    /// The input's rows: its blocks have another height.
+    Rows(Box<PartRows>),
+}
+
+impl PartInProgress {
+    /// Begins a part of the output of `input`. Errors as for [`check_decodable`].
+    pub(crate) fn new(
+        plan: RewrittenPart,
+        input: &Arc<ExrFile>,
+        codec: &SharedCodec,
+        first_row: usize,
+        limit: u64,
+    ) -> Result<Self, Error> {
+        let described = &input.parts()[plan.index];
+        let same_blocks = described.grid.block_height() == plan.grid.block_height();
+        let kept = if !plan.fills.iter().any(|fill| matches!(fill, Fill::Input(_))) {
+            Kept::Nothing
+        } else if same_blocks {
+            check_decodable(input, plan.index, limit)?;
+            Kept::Blocks
+        } else {
+            let mut rows = PartRows::new(input.clone(), codec.clone(), plan.index, limit)?;
+            for fill in &plan.fills {
+                if let Fill::Input(channel) = fill {
+                    rows.keep(*channel);
+                }
+            }
+            Kept::Rows(Box::new(rows))
+        };
+        let denoised = vec![Vec::new(); plan.fills.len()];
+        Ok(Self {
+            plan,
+            kept,
+            first_row,
+            denoised,
+            input: input.clone(),
+            codec: codec.clone(),
+            block: Vec::new(),
+            decoded: Vec::new(),
+        })
+    }
+
+    /// The part's number.
+    pub(crate) fn index(&self) -> usize {
+        self.plan.index
+    }
+
+    /// Keeps the samples of a row; returns how many were clamped.
+    pub(crate) fn take_row(&mut self, y: usize, row: &OutputRow) -> u64 {
+        let grid = self.plan.grid;
+        let bounds = grid.bounds(0, grid.block_row(y));
+        let line = y - bounds.position.1 as usize;
+        let mut clamped = 0;
+        let list = &self.plan.header.channels.list;
+        for ((channel, fill), denoised) in list.iter().zip(&self.plan.fills).zip(&mut self.denoised)
+        {
+            let plane = match *fill {
+                Fill::Input(_) => continue,
+                Fill::Colour(k) => &row.colour[k],
+                Fill::Layer(n, k) => &row.layers[n][k],
+                Fill::Error => &row.error,
+                Fill::Radius => &row.radius,
+                Fill::Rank => &row.rank,
+            };
+            let bytes = plane.len() * channel.sample_type.bytes_per_sample();
+            denoised.resize(bounds.size.1 * bytes, 0);
+            let out = &mut denoised[line * bytes..(line + 1) * bytes];
+            clamped += encode_samples(channel.sample_type, plane, out);
+        }
+        clamped
+    }
+
+    /// Writes the row of blocks whose last row `y` was, if it was.
+    pub(crate) fn write_full_blocks(
+        &mut self,
+        y: usize,
+        writer: &mut ExrWriter,
+    ) -> Result<(), Error> {
+        let grid = self.plan.grid;
+        let block_row = grid.block_row(y);
+        let first = grid.bounds(0, block_row);
+        if y + 1 < first.position.1 as usize + first.size.1 {
+            return Ok(());
+        }
+        for column in 0..grid.columns() {
+            self.assemble(column, block_row)?;
+            let bounds = grid.bounds(column, block_row);
+            self.codec
+                .lock()
+                .encode(&self.plan.header, &mut self.block, bounds)
+                .map_err(|error| {
+                    Error::Unsupported(format!(
+                        "{}: part {}: row {}: cannot be compressed: {error}",
+                        writer.path().display(),
+                        self.plan.index,
+                        first.position.1
+                    ))
+                })?;
+            writer.write_block(
+                self.plan.index,
+                block_row * grid.columns() + column,
+                &self.block,
+            )?;
+        }
+        Ok(())
+    }
+
+    /// A block of the output: what is kept of the input, and what was denoised.
+    fn assemble(&mut self, column: usize, block_row: usize) -> Result<(), Error> {
+        let bounds = self.plan.grid.bounds(column, block_row);
+        self.fill_kept(column, block_row, bounds)?;
+        let width = self.plan.header.layer_size.0;
+        let lines = Lines::new(&self.plan.header.channels, bounds);
+        for (channel, denoised) in self.denoised.iter().enumerate() {
+            let size = lines.sizes[channel];
+            let row = width * size;
+            let x = bounds.position.0 as usize * size;
+            for (line, samples) in denoised
+                .chunks_exact(row.max(1))
+                .take(bounds.size.1)
+                .enumerate()
+            {
+                let at = lines.range(channel, line);
+                let length = at.len();
+                self.block[at].copy_from_slice(&samples[x..x + length]);
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes a block of the output with the kept channels in place; the others hold anything.
+    fn fill_kept(
+        &mut self,
+        column: usize,
+        block_row: usize,
+        bounds: IntegerBounds,
+    ) -> Result<(), Error> {
+        let channels = &self.plan.header.channels;
+        let bytes = bounds.size.0 * bounds.size.1 * channels.bytes_per_pixel;
+        let to = Lines::new(channels, bounds);
+        let kept = |(channel, fill): (usize, &Fill)| match fill {
+            Fill::Input(from) => Some((channel, *from)),
+            _ => None,
+        };
+        let kept = self.plan.fills.iter().enumerate().filter_map(kept);
+        match &mut self.kept {
+            Kept::Nothing => self.block.resize(bytes, 0),
+            Kept::Blocks => {
+                let above = self.first_row / self.plan.grid.block_height();
+                let place = (column, above + block_row);
+                let old = &self.input.parts()[self.plan.index].header.channels;
+                let same = old == channels;
+                let decoded = if same {
+                    &mut self.block
+                } else {
+                    &mut self.decoded
+                };
+                self.input
+                    .decode_block(&self.codec, self.plan.index, place, |_| true, decoded)?;
+                if same {
+                    return Ok(());
+                }
+                let from = Lines::new(old, bounds);
+                self.block.resize(bytes, 0);
+                for (channel, old) in kept {
+                    for line in 0..bounds.size.1 {
+                        self.block[to.range(channel, line)]
+                            .copy_from_slice(&self.decoded[from.range(old, line)]);
+                    }
+                }
+            }
+            Kept::Rows(rows) => {
+                // only scanline blocks depend on the compression for their height: they span the width
+                let first = self.first_row + bounds.position.1 as usize;
+                self.block.resize(bytes, 0);
+                for line in 0..bounds.size.1 {
+                    for (channel, old) in kept.clone() {
+                        rows.copy_row(old, first + line, &mut self.block[to.range(channel, line)])?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Where each line of each channel lies in a block.
+struct Lines {
+    width: usize,
+    bytes_per_pixel: usize,
+    starts: Vec<usize>,
+    sizes: Vec<usize>,
+}
+
+impl Lines {
+    fn new(channels: &ChannelList, bounds: IntegerBounds) -> Self {
+        let sizes = channels
+            .list
+            .iter()
+            .map(|c| c.sample_type.bytes_per_sample())
+            .collect();
+        let starts = channels
+            .channels_with_byte_offset()
+            .map(|(start, _)| start)
+            .collect();
+        let bytes_per_pixel = channels.bytes_per_pixel;
+        Self {
+            width: bounds.size.0,
+            bytes_per_pixel,
+            starts,
+            sizes,
+        }
+    }
+
+    fn range(&self, channel: usize, line: usize) -> std::ops::Range<usize> {
+        let start = line * self.width * self.bytes_per_pixel + self.width * self.starts[channel];
+        start..start + self.width * self.sizes[channel]
+    }
+}
+
+/// Writes `values` as samples in native byte order. Returns how many finite values would have become infinite.
+fn encode_samples(kind: SampleType, values: &[f32], out: &mut [u8]) -> u64 {
+    match kind {
+        SampleType::F32 => {
+            for (sample, value) in out.chunks_exact_mut(4).zip(values) {
+                sample.copy_from_slice(&value.to_ne_bytes());
+            }
+            0
+        }
+        SampleType::F16 => {
+            let mut clamped = 0;
+            for (sample, &value) in out.chunks_exact_mut(2).zip(values) {
+                let mut half = f16::from_f32(value);
+                if half.is_infinite() && value.is_finite() {
+                    half = if value > 0.0 { f16::MAX } else { f16::MIN };
+                    clamped += 1;
+                }
+                sample.copy_from_slice(&half.to_ne_bytes());
+            }
+            clamped
+        }
+        // refused when the output was planned
+        SampleType::U32 => unreachable!("integers are not denoised"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_beyond_half_precision_becomes_the_largest_half_and_is_counted() {
+        let mut bytes = [0; 8];
+        let clamped = encode_samples(SampleType::F16, &[1.0, 70000.0, -1e9, 65504.0], &mut bytes);
+        let halves: Vec<f32> = bytes
+            .chunks_exact(2)
+            .map(|b| f16::from_ne_bytes([b[0], b[1]]).to_f32())
+            .collect();
+        assert_eq!(halves, [1.0, 65504.0, -65504.0, 65504.0]);
+        assert_eq!(clamped, 2);
+    }
+}

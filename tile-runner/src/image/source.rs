@@ -1,0 +1,302 @@
+//! Rows of an image from EXR files.
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::sync::Arc;
+
+use crate::channels::names::ChannelRef;
+use crate::channels::roles::Roles;
+use crate::channels::variance::{Count, Variance, to_variance_of_mean, variance_from_halves};
+use crate::error::Error;
+use crate::exr_file::{ExrFile, PartRows};
+use crate::geometry::ImageSize;
+use crate::row::{FEATURES, InputRow, RowLayout, RowSource, VarianceKind};
+
+/// Where in [`InputRow::features`] the normal begins.
+const NORMAL: usize = 0;
+/// Where the albedo begins.
+const ALBEDO: usize = 3;
+/// Where the depth is.
+const DEPTH: usize = 6;
+
+/// Reads [`InputRow`]s from the channels that have been given roles. Holds one row of decoded blocks for every part in use.
+#[derive(Debug)]
+pub struct ExrSource {
+    planes: Planes,
+    layout: RowLayout,
+    colour: ([ChannelRef; 3], Variance<3>),
+    normal: Option<([ChannelRef; 3], Variance<3>)>,
+    albedo: Option<([ChannelRef; 3], Variance<3>)>,
+    depth: Option<([ChannelRef; 1], Variance<1>)>,
+    layers: Vec<([ChannelRef; 3], Variance<3>)>,
+    layers_off: u64,
+}
+
+impl ExrSource {
+    /// A source for `roles`, with `layers` to be denoised beside the colour. `files` are those that the roles refer to.
+    ///
+    /// [`Error::Unsupported`] if a part in use cannot be decoded, [`Error::Budget`] if a row of its blocks takes more than
+    /// `limit` bytes.
+    pub fn new(
+        files: &[Arc<ExrFile>],
+        roles: &Roles,
+        layers: Vec<([ChannelRef; 3], Variance<3>)>,
+        limit: u64,
+    ) -> Result<Self, Error> {
+        let at = roles.colour[0];
+        let part = &files[at.file].parts()[at.part];
+        let size = part.size().ok_or_else(|| {
+            let path = files[at.file].path().display();
+            Error::Invalid(format!(
+                "{path}: {}: the data window is empty",
+                part.label()
+            ))
+        })?;
+        // rows to work in, and those that a caller makes to be filled
+        let row_bytes = (size.width() as u64).saturating_mul(4 * 2 * (6 + 2 * FEATURES as u64));
+        if row_bytes > limit {
+            let path = files[at.file].path().display();
+            return Err(Error::Budget(format!(
+                "{path}: {}: one row of {} pixels takes {} MiB, the limit is {} MiB",
+                part.label(),
+                size.width(),
+                row_bytes >> 20,
+                limit >> 20
+            )));
+        }
+        let mut source = Self {
+            planes: Planes::new(size),
+            layout: layout(roles, size, layers.len()),
+            colour: (roles.colour, roles.variance),
+            normal: roles.normal,
+            albedo: roles.albedo,
+            depth: roles.depth,
+            layers,
+            layers_off: 0,
+        };
+        for at in source.channels() {
+            source.planes.open(files, at, limit)?;
+        }
+        Ok(source)
+    }
+
+    /// Pixels read so far whose layers do not sum to the colour, to the precision of half floats. 0 without layers.
+    pub fn layers_off(&self) -> u64 {
+        self.layers_off
+    }
+
+    /// Every channel that is read.
+    fn channels(&self) -> Vec<ChannelRef> {
+        let mut all = Vec::new();
+        let triples = std::iter::once(&self.colour)
+            .chain(&self.normal)
+            .chain(&self.albedo)
+            .chain(&self.layers);
+        for (means, variance) in triples {
+            all.extend(means);
+            all.extend(variance.channels());
+        }
+        if let Some((means, variance)) = &self.depth {
+            all.extend(means);
+            all.extend(variance.channels());
+        }
+        all
+    }
+}
+
+impl RowSource for ExrSource {
+    fn layout(&self) -> RowLayout {
+        self.layout
+    }
+
+    fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), Error> {
+        let planes = &mut self.planes;
+        planes.read(&self.colour, y, &mut row.colour, Some(&mut row.variance))?;
+        for (at, feature) in [(NORMAL, &self.normal), (ALBEDO, &self.albedo)] {
+            if let Some(feature) = feature {
+                let (means, variances) = (
+                    &mut row.features[at..at + 3],
+                    &mut row.feature_variances[at..at + 3],
+                );
+                planes.read(feature, y, means, Some(variances))?;
+            }
+        }
+        if let Some(depth) = &self.depth {
+            let (means, variances) = (
+                &mut row.features[DEPTH..],
+                &mut row.feature_variances[DEPTH..],
+            );
+            planes.read(depth, y, means, Some(variances))?;
+        }
+        for (layer, out) in self.layers.iter().zip(&mut row.layers) {
+            planes.read(layer, y, out, None)?;
+        }
+        if !self.layers.is_empty() {
+            self.layers_off += count_off(row);
+        }
+        Ok(())
+    }
+}
+
+/// Half floats have 11 bits: each of a few layers and the colour may be rounded by 2^-12 of itself.
+const SUM_TOLERANCE: f32 = 1.0 / 1024.0;
+
+/// Pixels of a row whose layers do not sum to the colour. Values that are not finite are not counted.
+fn count_off(row: &InputRow) -> u64 {
+    let off = |x: usize| {
+        (0..3).any(|k| {
+            let sum: f32 = row.layers.iter().map(|layer| layer[k][x]).sum();
+            let size: f32 = row.layers.iter().map(|layer| layer[k][x].abs()).sum();
+            let colour = row.colour[k][x];
+            (sum - colour).abs() > SUM_TOLERANCE * size.max(colour.abs())
+        })
+    };
+    (0..row.colour[0].len()).filter(|&x| off(x)).count() as u64
+}
+
+/// What the rows of a source for `roles` hold.
+pub(crate) fn layout(roles: &Roles, size: ImageSize, layers: usize) -> RowLayout {
+    let mut features = [false; FEATURES];
+    let mut feature_variances = [false; FEATURES];
+    let mut fill = |range: std::ops::Range<usize>, known: Option<bool>| {
+        features[range.clone()].fill(known.is_some());
+        feature_variances[range].fill(known == Some(true));
+    };
+    fill(NORMAL..ALBEDO, roles.normal.map(|(_, v)| v.is_known()));
+    fill(ALBEDO..DEPTH, roles.albedo.map(|(_, v)| v.is_known()));
+    fill(DEPTH..FEATURES, roles.depth.map(|(_, v)| v.is_known()));
+    RowLayout {
+        size,
+        variance: match roles.variance {
+            Variance::Given { .. } => VarianceKind::OfMean,
+            Variance::Halves { .. } | Variance::OtherFile(_) => VarianceKind::OfHalves,
+            Variance::None => VarianceKind::Estimated,
+        },
+        features,
+        feature_variances,
+        layers,
+    }
+}
+
+/// The parts that are open, and rows to work in.
+#[derive(Debug)]
+struct Planes {
+    parts: BTreeMap<(usize, usize), PartRows>,
+    count: Vec<f32>,
+    other: Vec<f32>,
+}
+
+impl Planes {
+    fn new(size: ImageSize) -> Self {
+        Self {
+            parts: BTreeMap::new(),
+            count: vec![0.0; size.width()],
+            other: vec![0.0; size.width()],
+        }
+    }
+
+    fn open(&mut self, files: &[Arc<ExrFile>], at: ChannelRef, limit: u64) -> Result<(), Error> {
+        let file = &files[at.file];
+        let rows = match self.parts.entry((at.file, at.part)) {
+            Entry::Occupied(rows) => rows.into_mut(),
+            Entry::Vacant(free) => free.insert(PartRows::new(
+                file.clone(),
+                file.codec().clone(),
+                at.part,
+                limit,
+            )?),
+        };
+        rows.keep(at.channel);
+        Ok(())
+    }
+
+    fn plane(&mut self, at: ChannelRef, y: usize, out: &mut [f32]) -> Result<(), Error> {
+        let rows = self
+            .parts
+            .get_mut(&(at.file, at.part))
+            .expect("every part in use was opened");
+        rows.read_row(at.channel, y, out)
+    }
+
+    /// Reads row `y` of `N` means and, where wanted and known, of their variances.
+    fn read<const N: usize>(
+        &mut self,
+        (channels, variance): &([ChannelRef; N], Variance<N>),
+        y: usize,
+        means: &mut [Vec<f32>],
+        variances: Option<&mut [Vec<f32>]>,
+    ) -> Result<(), Error> {
+        for k in 0..N {
+            self.plane(channels[k], y, &mut means[k])?;
+        }
+        if let Variance::OtherFile(twins) = variance {
+            return self.average(twins, y, means, variances);
+        }
+        let Some(variances) = variances else {
+            return Ok(());
+        };
+        match variance {
+            Variance::Given {
+                meaning,
+                channels,
+                count,
+            } => {
+                self.counts(*count, y)?;
+                for k in 0..N {
+                    self.plane(channels[k], y, &mut variances[k])?;
+                    to_variance_of_mean(*meaning, &mut variances[k], &means[k], &self.count);
+                }
+            }
+            Variance::Halves { a, b } => {
+                for k in 0..N {
+                    self.plane(a[k], y, &mut variances[k])?;
+                    let mut other = std::mem::take(&mut self.other);
+                    self.plane(b[k], y, &mut other)?;
+                    variance_from_halves(&mut variances[k], &other);
+                    self.other = other;
+                }
+            }
+            Variance::OtherFile(_) | Variance::None => {}
+        }
+        Ok(())
+    }
+
+    /// Averages the means with those of the other half, whose difference gives the variances.
+    fn average<const N: usize>(
+        &mut self,
+        twins: &[ChannelRef; N],
+        y: usize,
+        means: &mut [Vec<f32>],
+        mut variances: Option<&mut [Vec<f32>]>,
+    ) -> Result<(), Error> {
+        for k in 0..N {
+            let mut other = std::mem::take(&mut self.other);
+            self.plane(twins[k], y, &mut other)?;
+            if let Some(variances) = &mut variances {
+                variances[k].copy_from_slice(&means[k]);
+                variance_from_halves(&mut variances[k], &other);
+            }
+            means[k]
+                .iter_mut()
+                .zip(&other)
+                .for_each(|(mean, other)| *mean = 0.5 * *mean + 0.5 * other);
+            self.other = other;
+        }
+        Ok(())
+    }
+
+    /// Fills `self.count` with the samples of each pixel of row `y`.
+    fn counts(&mut self, count: Option<Count>, y: usize) -> Result<(), Error> {
+        match count {
+            None => {}
+            Some(Count::Fixed(count)) => self.count.fill(count),
+            Some(Count::Channel { at, scale }) => {
+                let mut row = std::mem::take(&mut self.count);
+                self.plane(at, y, &mut row)?;
+                row.iter_mut().for_each(|count| *count *= scale);
+                self.count = row;
+            }
+        }
+        Ok(())
+    }
+}

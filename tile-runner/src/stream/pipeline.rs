@@ -1,0 +1,222 @@
+//! From rows to rows, through a moving band.
+//!
+//! ```text
+//! rows of input           19 k - 9 ................................ 19 (k + 2)     HeldRows (+ 5 to estimate variances)
+//!   weights, prefilter      19 k - 10 ............... 19 (k + 1) + 9                 2 x PreparedRows
+//!     cells of row k          19 k - 9 ............. 19 (k + 1) + 9                   SumRows
+//!       rows of output          19 k - 9 .. 19 (k + 1) - 9
+//! ```
+//!
+//! Row k of cells needs the rows that its windows reach prepared, and those need a halo of their own. Once its
+//! predictions are added up, no later cell reaches the rows before `19 (k + 1) - 9`, and they leave.
+
+use std::num::NonZeroUsize;
+use std::ops::ControlFlow;
+use std::time::Duration;
+
+use linpred_core::{CELL, HALO, Params};
+use rayon::ThreadPool;
+use rayon::prelude::*;
+
+use crate::error::Error;
+use crate::row::{OutputRow, RowLayout, RowSink, RowSource};
+use crate::stream::instruction_set::Level;
+use crate::stream::missing_variances::Missing;
+pub use crate::stream::preparation::Counts;
+use crate::stream::preparation::{LOOK_BELOW, Preparation};
+use crate::stream::resolved_row::{ROWS_PER_THREAD, ResolvedRow};
+use crate::stream::row_of_cells::CellBenches;
+use crate::stream::sum_rows::SumRows;
+
+/// How to run.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// What to compute.
+    pub params: Params,
+    /// Threads that compute; the output's bits do not depend on it.
+    pub threads: NonZeroUsize,
+}
+
+/// What a run did, and what it could leave.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Report {
+    /// What was worked on and what was skipped.
+    pub counts: Counts,
+    /// Models that were built.
+    pub models: u64,
+    /// Time that threads spent on the cells that were not skipped, added up over the threads.
+    pub fitting: Duration,
+}
+
+impl Report {
+    /// What the skipped cells would have taken of a thread's time, had each taken the mean of the others. `None` where none was skipped, or
+    /// none was fitted that would tell.
+    pub fn saved(&self) -> Option<Duration> {
+        let skipped = self.counts.cells_skipped;
+        let fitted = self.counts.cells - skipped;
+        (skipped > 0 && fitted > 0).then(|| self.fitting.mul_f64(skipped as f64 / fitted as f64))
+    }
+}
+
+/// Rows above or below a pixel that it can depend on, for an image whose rows hold `layout`: it lies in the halo of a cell, the
+/// cell's windows reach as far again, and what they read was prepared from a halo of its own.
+pub fn reach(layout: &RowLayout) -> usize {
+    // counted from a pixel of the halo: to the far edge of the cell, and what lies beyond that
+    HALO + CELL + LOOK_BELOW + Missing::of(layout).halo()
+}
+
+/// Bytes that denoising an image takes at most, beside the source and the sink.
+pub fn bytes(layout: &RowLayout, threads: NonZeroUsize) -> u64 {
+    let threads = threads.get() as u64;
+    [
+        Preparation::bytes(layout, threads),
+        CellBenches::bytes(layout, threads),
+        SumRows::bytes(layout),
+        OutputRow::bytes(layout).saturating_mul(threads.saturating_mul(ROWS_PER_THREAD as u64)),
+        stack_bytes(threads),
+    ]
+    .into_iter()
+    .fold(0, u64::saturating_add)
+}
+
+/// Bytes of stack that `threads` threads touch.
+pub(crate) fn stack_bytes(threads: u64) -> u64 {
+    threads.saturating_mul(STACK as u64)
+}
+
+/// Bytes of stack that a thread touches (the core declares 30 KiB; measured with what calls it).
+const STACK: usize = 256 << 10;
+
+/// Threads that compute.
+pub(crate) fn pool(threads: NonZeroUsize) -> Result<ThreadPool, Error> {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads.get())
+        .build();
+    pool.map_err(|e| Error::Budget(format!("can't start {threads} threads: {e}")))
+}
+
+/// Denoises every row of `source` into `sink`. `progress` is told how many rows have been written after each; when it
+/// breaks, the run ends with [`Error::Cancelled`].
+pub fn denoise(
+    source: &mut dyn RowSource,
+    sink: &mut dyn RowSink,
+    options: &Options,
+    progress: &mut dyn FnMut(usize) -> ControlFlow<()>,
+) -> Result<Report, Error> {
+    let pool = pool(options.threads)?;
+    let mut frame = Frame::new(source.layout(), options);
+    let height = frame.layout.size.height();
+    for row in 0..height.div_ceil(CELL) {
+        frame.input.read(source, row)?;
+        pool.install(|| frame.compute(row));
+        let done = if (row + 1) * CELL >= height {
+            height
+        } else {
+            (row + 1) * CELL - HALO
+        };
+        frame.write(&pool, sink, row, done, progress)?;
+        frame.advance(row);
+    }
+    Ok(frame.report)
+}
+
+/// What is in memory of an image.
+struct Frame {
+    layout: RowLayout,
+    params: Params,
+    level: Level,
+    input: Preparation,
+    cells: CellBenches,
+    sums: SumRows,
+    /// Rows that are worked out at a time.
+    resolved: Vec<ResolvedRow>,
+    written: usize,
+    report: Report,
+}
+
+impl Frame {
+    fn new(layout: RowLayout, options: &Options) -> Self {
+        let (level, threads) = (Level::detect(), options.threads);
+        Self {
+            layout,
+            params: options.params,
+            level,
+            input: Preparation::new(layout, threads, level),
+            cells: CellBenches::new(&layout, threads),
+            sums: SumRows::new(&layout),
+            resolved: (0..threads.get() * ROWS_PER_THREAD)
+                .map(|_| ResolvedRow::new(&layout))
+                .collect(),
+            written: 0,
+            report: Report {
+                counts: Counts {
+                    pixels: layout.size.pixels(),
+                    ..Counts::default()
+                },
+                ..Report::default()
+            },
+        }
+    }
+
+    /// Prepares what row `row` of cells lacks, and predicts it.
+    fn compute(&mut self, row: usize) {
+        let counts = &mut self.report.counts;
+        self.input.prepare(row, counts);
+        let around = self.input.around(row);
+        let sums = &mut self.sums;
+        let predicted = self.cells.predict(&around, &self.params, self.level, sums);
+        counts.cells += predicted.cells;
+        counts.cells_skipped += predicted.skipped;
+        self.report.models += predicted.models;
+        self.report.fitting += predicted.time;
+    }
+
+    /// Writes the rows before `end`.
+    fn write(
+        &mut self,
+        pool: &ThreadPool,
+        sink: &mut dyn RowSink,
+        row: usize,
+        end: usize,
+        progress: &mut dyn FnMut(usize) -> ControlFlow<()>,
+    ) -> Result<(), Error> {
+        while self.written < end {
+            let rows = self.resolved.len().min(end - self.written);
+            pool.install(|| self.resolve(row, rows));
+            for resolved in &self.resolved[..rows] {
+                sink.write_row(self.written, &resolved.output)?;
+                self.report.counts.passed_through += resolved.counts.passed_through;
+                self.report.counts.repaired += resolved.counts.repaired;
+                self.written += 1;
+                if progress(self.written).is_break() {
+                    return Err(Error::Cancelled);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Works out the next `rows` rows of output.
+    fn resolve(&mut self, row: usize, rows: usize) {
+        let (around, formulas) = (self.input.around(row), self.params.formulas);
+        let sums = self.sums.rows_from(self.written);
+        let rows: Vec<_> = (self.written..)
+            .zip(sums)
+            .zip(&mut self.resolved[..rows])
+            .collect();
+        rows.into_par_iter()
+            .for_each(|((y, (own, before)), resolved)| {
+                if let Some(before) = before {
+                    own.take(before);
+                }
+                resolved.fill(&around.row(y), own, formulas);
+                own.clear();
+            });
+    }
+
+    /// Moves on to the next row of cells.
+    fn advance(&mut self, row: usize) {
+        self.sums.advance();
+        self.input.advance(row);
+    }
+}

@@ -1,0 +1,154 @@
+//! The stages before the fit, for one row of cells after another: rows read, variances estimated, weights and features prepared.
+//!
+//! What a run can skip is known from here on, so a survey of an image goes through the same stages as a run and counts what that
+//! will skip (see [`Counts`]).
+
+use std::num::NonZeroUsize;
+
+use linpred_core::{CELL, HALO, PixelState};
+use serde::Serialize;
+
+use crate::error::Error;
+use crate::geometry::plane_bytes;
+use crate::row::{InputRow, RowLayout, RowSource};
+use crate::stream::held_rows::{ColourRow, GuideRow, HeldRows};
+use crate::stream::instruction_set::Level;
+use crate::stream::missing_variances::Missing;
+use crate::stream::neighbourhood::{Neighbourhood, prepared_from};
+use crate::stream::prepared_rows::{BLOCK_HALO, BlockBench, PreparedRows};
+
+/// What of an image a run works on, and what it skips. It depends on the image alone, not on the quality or on threads; the papers'
+/// formulas skip no cell.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Counts {
+    /// Pixels of the image.
+    pub pixels: u64,
+    /// Pixels of zero variance, passed through as they came.
+    pub passed_through: u64,
+    /// Pixels with a NaN or infinite colour, predicted from their neighbours.
+    pub repaired: u64,
+    /// Cells of 19 x 19 pixels.
+    pub cells: u64,
+    /// Of those, the ones that hold no noise: nothing is fitted in them.
+    pub cells_skipped: u64,
+    /// Blocks of features: a normal, an albedo or a depth each.
+    pub feature_blocks: u64,
+    /// Of those, the ones with no noise in reach: they are not filtered.
+    pub feature_blocks_skipped: u64,
+}
+
+impl Counts {
+    /// Counts a pixel of the image.
+    pub(crate) fn add_pixel(&mut self, state: PixelState) {
+        self.passed_through += u64::from(state == PixelState::Clean);
+        self.repaired += u64::from(state == PixelState::Bad);
+    }
+}
+
+/// Rows below a row of cells that its pixels depend on, beside those that variances are estimated from.
+pub(crate) const LOOK_BELOW: usize = HALO + BLOCK_HALO;
+
+/// Rows above the next row of cells of which more than the colours is held: what is prepared next begins
+/// a halo below the top of those cells.
+const GUIDES_ABOVE: usize = BLOCK_HALO - HALO;
+
+/// What is in memory of an image's input.
+pub(crate) struct Preparation {
+    layout: RowLayout,
+    level: Level,
+    missing: Missing,
+    /// Rows whose variances are there.
+    estimated: usize,
+    band: HeldRows,
+    /// The two pieces of prepared rows that the current row of cells reads.
+    prepared: [PreparedRows; 2],
+    benches: Vec<Box<BlockBench>>,
+    input: InputRow,
+}
+
+impl Preparation {
+    /// Nothing of an image yet, to be prepared on `threads` threads.
+    pub(crate) fn new(layout: RowLayout, threads: NonZeroUsize, level: Level) -> Self {
+        Self {
+            layout,
+            level,
+            missing: Missing::of(&layout),
+            estimated: 0,
+            band: HeldRows::new(layout),
+            prepared: std::array::from_fn(|_| PreparedRows::new(&layout)),
+            benches: (0..threads.get()).map(|_| BlockBench::new()).collect(),
+            input: InputRow::new(&layout),
+        }
+    }
+
+    /// Bytes that it takes at most, on `threads` threads.
+    pub(crate) fn bytes(layout: &RowLayout, threads: u64) -> u64 {
+        let missing = Missing::of(layout);
+        let below = 2 * CELL + missing.halo();
+        [
+            plane_bytes(layout.size, HALO + below, ColourRow::planes(layout)),
+            plane_bytes(layout.size, GUIDES_ABOVE + below, GuideRow::planes(layout)),
+            PreparedRows::bytes(layout).saturating_mul(2),
+            InputRow::bytes(layout),
+            missing.working_bytes(threads),
+            threads.saturating_mul(size_of::<BlockBench>() as u64),
+        ]
+        .into_iter()
+        .fold(0, u64::saturating_add)
+    }
+
+    /// Reads all that row `row` of cells depends on.
+    pub(crate) fn read(&mut self, source: &mut dyn RowSource, row: usize) -> Result<(), Error> {
+        let end = needed(row) + self.missing.halo();
+        while self.band.next() < end.min(self.layout.size.height()) {
+            source.read_row(self.band.next(), &mut self.input)?;
+            self.band.push(&self.input);
+        }
+        Ok(())
+    }
+
+    /// Works out what row `row` of cells lacks, once it is read; counts feature blocks.
+    pub(crate) fn prepare(&mut self, row: usize, counts: &mut Counts) {
+        self.estimate(needed(row));
+        let first = if row == 0 { 0 } else { row + 1 };
+        for piece in first..=row + 1 {
+            let from = prepared_from(piece);
+            if from < self.layout.size.height() as isize {
+                let prepared = &mut self.prepared[piece - row];
+                let filled = prepared.fill(&self.band, from, self.level, &mut self.benches);
+                counts.feature_blocks += filled.feature_blocks;
+                counts.feature_blocks_skipped += filled.skipped;
+            }
+        }
+    }
+
+    /// Estimates the variances that the source lacks, up to row `end` or the last.
+    fn estimate(&mut self, end: usize) {
+        let rows = self.estimated..end.min(self.layout.size.height());
+        self.estimated = rows.end;
+        self.missing
+            .fill(&mut self.band, &self.layout, rows, self.level);
+    }
+
+    /// What row `row` of cells reads.
+    pub(crate) fn around(&self, row: usize) -> Neighbourhood<'_> {
+        Neighbourhood {
+            size: self.layout.size,
+            band: &self.band,
+            prepared: &self.prepared,
+            row,
+        }
+    }
+
+    /// Moves on to the row of cells after `row`.
+    pub(crate) fn advance(&mut self, row: usize) {
+        self.prepared.rotate_left(1);
+        let next = (row + 1) * CELL;
+        self.band.drop_before(next - HALO, next - GUIDES_ABOVE);
+    }
+}
+
+/// The end of the rows that row `row` of cells depends on, beside those that variances are estimated from.
+fn needed(row: usize) -> usize {
+    (row + 1) * CELL + LOOK_BELOW
+}
