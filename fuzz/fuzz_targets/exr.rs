@@ -8,10 +8,9 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use libfuzzer_sys::fuzz_target;
-use linpred::job::inspect::inspect;
-use linpred::job::denoise::{Input, InputRequest, JobOptions, denoise};
-use linpred::stream::pipeline::Options;
-use linpred::image::rewrite::ExtraLayers;
+use linpred::Options;
+use linpred::image::ExtraLayers;
+use linpred::job::{denoise, inspect, Input, InputRequest, JobOptions};
 use linpred_core::{Params, Quality};
 
 /// Bytes of memory that a file may ask for.

@@ -9,11 +9,8 @@ use std::num::NonZeroUsize;
 use std::ops::{ControlFlow, Range};
 
 use libfuzzer_sys::fuzz_target;
-use linpred::job::band::{Band, BandSink, BandSource};
-use linpred::error::Error;
-use linpred::geometry::ImageSize;
-use linpred::stream::pipeline::{Options, denoise};
-use linpred::row::{FEATURES, InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
+use linpred::{denoise, Error, FEATURES, ImageSize, InputRow, Options, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
+use linpred::job::{Band, BandSink, BandSource};
 use linpred_core::{Params, Quality};
 
 fuzz_target!(|data: &[u8]| {

@@ -3,11 +3,11 @@
 use std::num::NonZeroUsize;
 use std::ops::{ControlFlow, Range};
 
-use linpred::error::Error;
-use linpred::geometry::ImageSize;
-use linpred::row::{FEATURES, InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
-use linpred::stream::pipeline::{Options, Report, denoise};
-use linpred::stream::survey::{Survey, survey};
+use linpred::survey::{Survey, survey};
+use linpred::{
+    Error, FEATURES, ImageSize, InputRow, Options, OutputRow, Report, RowLayout, RowSink,
+    RowSource, VarianceKind, denoise,
+};
 use linpred_core::Params;
 use proptest::prelude::{Just, Strategy, any};
 use proptest::sample::select;

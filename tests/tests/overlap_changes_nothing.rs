@@ -3,10 +3,10 @@
 use std::num::NonZeroUsize;
 use std::thread;
 
-use linpred::error::Error;
-use linpred::geometry::ImageSize;
-use linpred::row::{FEATURES, InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
-use linpred::stream::overlap::{ReadAhead, WriteBehind};
+use linpred::overlap::{ReadAhead, WriteBehind};
+use linpred::{
+    Error, FEATURES, ImageSize, InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind,
+};
 
 const WIDTH: usize = 3;
 

@@ -3,11 +3,10 @@
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
-use linpred::error::Error;
-use linpred::geometry::ImageSize;
-use linpred::row::{FEATURES, InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
-use linpred::stream::pipeline::{self, Options};
-use linpred::stream::push;
+use linpred::{
+    Error, FEATURES, ImageSize, InputRow, Options, OutputRow, RowLayout, RowSink, RowSource,
+    VarianceKind, denoise, push,
+};
 use linpred_core::{Params, Quality};
 use linpred_tests::images::noise;
 
@@ -73,7 +72,7 @@ fn pushed_rows_have_the_bits_of_rows_that_were_asked_for() {
     let mut source = Noise(layout(47, 90));
     let mut asked = Collect::default();
     let go_on = &mut |_| ControlFlow::Continue(());
-    let report = pipeline::denoise(&mut source, &mut asked, &options(), go_on).unwrap();
+    let report = denoise(&mut source, &mut asked, &options(), go_on).unwrap();
     let (mut push, mut denoised) = push::start(source.layout(), options()).unwrap();
     let pusher = std::thread::spawn(move || push_to(&mut push, 90));
     let pulled: Vec<_> = denoised.by_ref().map(Result::unwrap).collect();

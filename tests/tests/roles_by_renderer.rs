@@ -3,11 +3,9 @@
 use std::path::Path;
 
 use exr::prelude::{AttributeValue, FlatSamples};
-use linpred::channels::presets::{Preset, Role};
-use linpred::channels::roles::{Mapping, RoleRequest};
-use linpred::channels::variance::{Count, Meaning, Variance};
-use linpred::error::Error;
-use linpred::job::denoise::{Input, InputRequest};
+use linpred::Error;
+use linpred::channels::{Count, Mapping, Meaning, Preset, Role, RoleRequest, Variance};
+use linpred::job::{Input, InputRequest};
 use linpred_tests::images::{TestPart, constant, float, half, part, write};
 
 const SIZE: (usize, usize) = (4, 3);
@@ -457,6 +455,7 @@ fn shift_second_part(path: &Path) {
 
 #[test]
 fn a_channel_may_say_how_many_samples_each_pixel_took() {
+    use linpred::{InputRow, RowSource};
     let mut channels: Vec<_> = ["R", "G", "B"].map(|c| constant(c, PIXELS, 1.0)).to_vec();
     channels.extend(["R", "G", "B"].map(|c| constant(&format!("Variance.{c}"), PIXELS, 6.0)));
     let counts = (0..PIXELS).map(|i| (i + 1) as f32).collect();
@@ -470,7 +469,6 @@ fn a_channel_may_say_how_many_samples_each_pixel_took() {
     })
     .unwrap();
     let mut source = input.source(1 << 30).unwrap();
-    use linpred::row::{InputRow, RowSource};
     let mut row = InputRow::new(&source.layout());
     source.read_row(1, &mut row).unwrap();
     assert_eq!(

@@ -5,10 +5,9 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use exr::prelude::*;
-use linpred::image::rewrite::ExtraLayers;
-use linpred::image::sink::ExrSink;
-use linpred::job::denoise::{Input, InputRequest};
-use linpred::row::{InputRow, OutputRow, RowSink, RowSource, VarianceKind};
+use linpred::image::{ExrSink, ExtraLayers};
+use linpred::job::{Input, InputRequest};
+use linpred::{InputRow, OutputRow, RowSink, RowSource, VarianceKind};
 use linpred_tests::command::linpred;
 use linpred_tests::images::{
     NamedSamples, TestPart, channel_names, colour, constant, everything, half, noise, part, read,
@@ -31,17 +30,8 @@ fn open(path: &Path, layers: &[&str]) -> Input {
 
 /// A sink for what denoising `input` gives.
 fn sink(input: &Input, output: &Path, extra: ExtraLayers) -> ExrSink {
-    let plan = input.rewrite(extra).unwrap();
     let stop = Arc::new(AtomicBool::new(false));
-    ExrSink::create(
-        output,
-        input.file().clone(),
-        plan,
-        input.file().codec(),
-        LIMIT,
-        stop,
-    )
-    .unwrap()
+    input.sink(output, extra, LIMIT, stop).unwrap()
 }
 
 /// Every row of a source.

@@ -9,10 +9,10 @@ use std::error::Error;
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
-use linpred::geometry::ImageSize;
-use linpred::row::{FEATURES, InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
-use linpred::stream::pipeline::{self, Options};
-use linpred::stream::push;
+use linpred::{
+    FEATURES, ImageSize, InputRow, Options, OutputRow, RowLayout, RowSink, RowSource, VarianceKind,
+    denoise, push,
+};
 use linpred_core::{Params, Quality};
 
 /// Pixels on the side of a bucket.
@@ -57,7 +57,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let pulled = pulled.join().map_err(|_| "the pulling thread died")??;
 
     let mut in_order = Vec::new();
-    pipeline::denoise(
+    denoise(
         &mut frame,
         &mut Collect(&mut in_order),
         &options,
@@ -112,7 +112,7 @@ impl RowSource for Framebuffer {
         self.layout
     }
 
-    fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), linpred::error::Error> {
+    fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), linpred::Error> {
         row.clone_from(&self.rows[y]);
         Ok(())
     }
@@ -121,7 +121,7 @@ impl RowSource for Framebuffer {
 struct Collect<'a>(&'a mut Vec<(usize, OutputRow)>);
 
 impl RowSink for Collect<'_> {
-    fn write_row(&mut self, y: usize, row: &OutputRow) -> Result<(), linpred::error::Error> {
+    fn write_row(&mut self, y: usize, row: &OutputRow) -> Result<(), linpred::Error> {
         self.0.push((y, row.clone()));
         Ok(())
     }

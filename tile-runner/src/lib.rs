@@ -1,10 +1,20 @@
-//! Streams images through `linpred-core`.
+//! Denoises Monte Carlo renders by linear predictions from what a renderer knows without noise.
 
 pub mod channels;
-pub mod error;
+mod error;
 pub mod exr_file;
-pub mod geometry;
+mod geometry;
 pub mod image;
 pub mod job;
-pub mod row;
-pub mod stream;
+mod row;
+mod stream;
+
+pub use error::Error;
+pub use geometry::ImageSize;
+pub use linpred_core::{Formulas, Params, Quality};
+pub use row::{
+    FEATURE_NAMES, FEATURES, InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind,
+};
+pub use stream::pipeline::{Options, denoise};
+pub use stream::report::{Counts, Report};
+pub use stream::{overlap, push, survey};

@@ -6,8 +6,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
-use linpred::row::RowSink;
-use linpred::stream::pipeline::{self, Options, Report};
+use linpred::{Options, Report, RowSink, denoise};
 use linpred_core::Params;
 use serde::{Deserialize, Serialize};
 
@@ -96,7 +95,7 @@ fn by_linpred(image: &Image, copies: usize, params: Params, threads: NonZeroUsiz
     let mut kept = Colour::default();
     let sink: &mut dyn RowSink = if copies == 1 { &mut kept } else { &mut Nowhere };
     let (report, cost) = measure(|| {
-        pipeline::denoise(&mut source, sink, &options, &mut |_| {
+        denoise(&mut source, sink, &options, &mut |_| {
             ControlFlow::Continue(())
         })
     });

@@ -31,7 +31,7 @@ impl fmt::Display for Samples {
 }
 
 /// Finds the samples per pixel: `--spp`, then a channel, then an attribute of one of `parts`.
-pub fn find(
+pub(crate) fn find(
     spp: Option<u32>,
     channel: Option<ChannelRef>,
     names: &ChannelNames,

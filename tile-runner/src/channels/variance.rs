@@ -112,7 +112,12 @@ const MOMENT_ROUNDING: f64 = 4.0;
 /// Turns one row of a variance layer into variances of the mean, in place. `mean` is the row of the quantity itself, `count`
 /// the samples of each pixel (ignored for [`Meaning::OfMean`]). Fewer than two samples, and values that are no numbers,
 /// leave no variance to know: the result is infinite there, which a fit treats as a pixel of no weight.
-pub fn to_variance_of_mean(meaning: Meaning, values: &mut [f32], mean: &[f32], count: &[f32]) {
+pub(crate) fn to_variance_of_mean(
+    meaning: Meaning,
+    values: &mut [f32],
+    mean: &[f32],
+    count: &[f32],
+) {
     match meaning {
         Meaning::OfMean => values.iter_mut().for_each(|v| *v = not_negative(*v)),
         Meaning::OfSample => {
@@ -158,7 +163,7 @@ fn variance_from_moment(moment: f32, mean: f32, count: f32) -> f32 {
 
 /// Turns `a` into ((a - b) / 2)^2, in place: with a and b the means of half the samples each, an unbiased estimate of the
 /// variance of their mean.
-pub fn variance_from_halves(a: &mut [f32], b: &[f32]) {
+pub(crate) fn variance_from_halves(a: &mut [f32], b: &[f32]) {
     for (a, &b) in a.iter_mut().zip(b) {
         let half_difference = 0.5 * (*a - b);
         *a = half_difference * half_difference;

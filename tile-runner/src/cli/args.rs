@@ -4,11 +4,10 @@ use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use linpred::channels::presets::PRESET_NAMES;
-use linpred::channels::roles::Mapping;
-use linpred::job::band::Band;
-use linpred::job::memory::parse_size;
-use linpred::job::sequence::parse_frames;
+use linpred::channels::{Mapping, PRESET_NAMES};
+use linpred::job::{Band, parse_frames};
+
+use super::size::parse_size;
 
 /// Denoises Monte Carlo renders by linear predictions from their feature layers.
 #[derive(Debug, Parser)]

@@ -10,14 +10,10 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use linpred::channels::presets::Preset;
-use linpred::channels::roles::RoleRequest;
-use linpred::error::Error;
-use linpred::image::rewrite::ExtraLayers;
-use linpred::job::denoise::{Input, InputRequest, JobOptions, Summary};
-use linpred::job::memory::DEFAULT_LIMIT;
-use linpred::job::plan;
-use linpred::stream::pipeline::Options;
+use linpred::channels::{Preset, RoleRequest};
+use linpred::image::ExtraLayers;
+use linpred::job::{self, DEFAULT_MEMORY_LIMIT, Input, InputRequest, JobOptions, Summary};
+use linpred::{Error, Options};
 use linpred_core::{Params, Quality};
 
 use super::args::{
@@ -76,8 +72,7 @@ impl Run {
         let label = request.path.display().to_string();
         let mut progress = Progress::new(self.progress, input.height(), label);
         let mut told = |rows| progress.set(rows);
-        let result =
-            linpred::job::denoise::denoise(&input, output, &self.options, &self.stop, &mut told);
+        let result = job::denoise(&input, output, &self.options, &self.stop, &mut told);
         progress.end();
         report(&result?, started, self.log_format, output);
         Ok(())
@@ -92,8 +87,8 @@ impl Run {
         for note in input.roles.notes.iter().filter(new) {
             tracing::info!("{note}");
         }
-        let rewrite = input.rewrite(self.options.extra)?;
-        for note in rewrite.notes.iter().filter(new) {
+        let notes = input.notes_on_output(self.options.extra)?;
+        for note in notes.iter().filter(new) {
             tracing::warn!("{note}");
         }
         Ok(())
@@ -144,7 +139,7 @@ fn options(arguments: &DenoiseArguments) -> JobOptions {
             error: arguments.error_layer,
             models: arguments.models_layer,
         },
-        memory_limit: arguments.max_memory.unwrap_or(DEFAULT_LIMIT),
+        memory_limit: arguments.max_memory.unwrap_or(DEFAULT_MEMORY_LIMIT),
         band: arguments.band,
     }
 }
@@ -170,8 +165,8 @@ pub(crate) fn request(arguments: InputArguments) -> InputRequest {
 }
 
 fn dry_run(input: &Input, options: &JobOptions) -> Result<(), Error> {
-    let (schedule, plan) = plan::schedule(input, &input.rewrite(options.extra)?, options);
-    let inspection = linpred::job::inspect::describe(input);
+    let (schedule, plan) = job::plan(input, options)?;
+    let inspection = job::describe(input);
     let threads = schedule.threads;
     let rows = schedule.rows_in_flight;
     // nobody is left to be told when standard output is closed

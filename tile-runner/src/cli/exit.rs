@@ -1,6 +1,6 @@
 //! Exit codes: 0 done, 2 usage, 3 input, 4 memory budget, 1 anything else.
 
-use linpred::error::Error;
+use linpred::Error;
 
 /// The exit code that an error ends the process with.
 pub(crate) fn code(error: &Error) -> u8 {

@@ -3,11 +3,9 @@
 use std::io::Write;
 use std::process::ExitCode;
 
-use linpred::error::Error;
-use linpred::job::denoise::Input;
-use linpred::job::inspect::inspect_with;
-use linpred::job::memory::DEFAULT_LIMIT;
-use linpred::stream::survey::{Survey, survey_input};
+use linpred::Error;
+use linpred::job::{DEFAULT_MEMORY_LIMIT, Input, inspect_with};
+use linpred::survey::Survey;
 
 use super::args::{InspectArguments, ProgressStyle, SurveyArguments};
 use super::denoise::{all_threads, request};
@@ -35,11 +33,11 @@ fn survey(input: &Input, arguments: &SurveyArguments) -> Result<Option<Survey>, 
         return Ok(None);
     }
     let threads = arguments.threads.unwrap_or_else(all_threads);
-    let limit = arguments.max_memory.unwrap_or(DEFAULT_LIMIT);
+    let limit = arguments.max_memory.unwrap_or(DEFAULT_MEMORY_LIMIT);
     let style = arguments.progress.unwrap_or(ProgressStyle::Auto);
-    let label = input.file().path().display().to_string();
+    let label = input.path().display().to_string();
     let mut progress = Progress::new(style, input.height(), label);
-    let found = survey_input(input, threads, limit, &mut |rows| progress.set(rows));
+    let found = linpred::job::survey(input, threads, limit, &mut |rows| progress.set(rows));
     progress.end();
     found.map(Some)
 }

@@ -3,8 +3,8 @@
 use std::path::Path;
 use std::process::ExitCode;
 
-use linpred::error::Error;
-use linpred::job::stitch::stitch;
+use linpred::Error;
+use linpred::job::stitch;
 
 use super::args::StitchArguments;
 use super::stop;

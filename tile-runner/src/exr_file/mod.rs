@@ -5,15 +5,16 @@
 //! (one pass in file order; a closure that owns control) do not do.
 
 pub mod attributes;
-pub mod chunk;
-pub mod compression;
-pub mod grid;
-pub mod header;
+pub(crate) mod chunk;
+pub(crate) mod compression;
+pub(crate) mod grid;
+pub(crate) mod header;
 pub mod output;
-pub mod reader;
-pub mod rows;
-pub mod writer;
+pub(crate) mod reader;
+pub(crate) mod rows;
+pub(crate) mod writer;
 
-pub use header::{Part, Refusal};
-pub use reader::ExrFile;
-pub use rows::{PartRows, check_decodable};
+pub use compression::coder_panics;
+pub(crate) use header::Part;
+pub(crate) use reader::ExrFile;
+pub(crate) use rows::{PartRows, check_decodable};

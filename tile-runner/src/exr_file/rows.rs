@@ -12,7 +12,7 @@ use crate::error::Error;
 
 /// Refuses what cannot be decoded: [`Error::Unsupported`] if a part's pixels are of a kind that is not, [`Error::Budget`] if
 /// one row of its blocks takes more than `limit` bytes.
-pub fn check_decodable(file: &ExrFile, part: usize, limit: u64) -> Result<(), Error> {
+pub(crate) fn check_decodable(file: &ExrFile, part: usize, limit: u64) -> Result<(), Error> {
     let described = &file.parts()[part];
     let (path, label) = (file.path().display(), described.label());
     if let Some(refusal) = &described.refusal {
@@ -37,7 +37,7 @@ pub fn check_decodable(file: &ExrFile, part: usize, limit: u64) -> Result<(), Er
 
 /// Reads rows of one part, in any order; cheapest from top to bottom.
 #[derive(Debug)]
-pub struct PartRows {
+pub(crate) struct PartRows {
     file: Arc<ExrFile>,
     codec: SharedCodec,
     part: usize,
@@ -59,7 +59,7 @@ struct Block {
 impl PartRows {
     /// Rows of a part, decoded by `codec`, once it has been told with [`keep`](Self::keep) which channels. Errors as for
     /// [`check_decodable`].
-    pub fn new(
+    pub(crate) fn new(
         file: Arc<ExrFile>,
         codec: SharedCodec,
         part: usize,
@@ -86,19 +86,19 @@ impl PartRows {
         })
     }
 
-    /// The part's number in its file.
-    pub fn part(&self) -> usize {
-        self.part
-    }
-
     /// Has `channel` decoded from now on.
-    pub fn keep(&mut self, channel: usize) {
+    pub(crate) fn keep(&mut self, channel: usize) {
         self.kept[channel] = true;
         self.current = None;
     }
 
     /// Writes the samples of `channel`, which is kept, in row `y` to `out`, in native byte order; `out` is as long as they are.
-    pub fn copy_row(&mut self, channel: usize, y: usize, out: &mut [u8]) -> Result<(), Error> {
+    pub(crate) fn copy_row(
+        &mut self,
+        channel: usize,
+        y: usize,
+        out: &mut [u8],
+    ) -> Result<(), Error> {
         self.load(y)?;
         let size = self.types[channel].bytes_per_sample();
         for block in &self.blocks {
@@ -111,7 +111,12 @@ impl PartRows {
 
     /// Writes the samples of `channel`, which is kept, in row `y` to `out` as `f32`; `out` has the width of the data window. Integers are
     /// rounded to the nearest `f32`.
-    pub fn read_row(&mut self, channel: usize, y: usize, out: &mut [f32]) -> Result<(), Error> {
+    pub(crate) fn read_row(
+        &mut self,
+        channel: usize,
+        y: usize,
+        out: &mut [f32],
+    ) -> Result<(), Error> {
         let kind = self.types[channel];
         let mut scratch = std::mem::take(&mut self.scratch);
         scratch.resize(out.len() * kind.bytes_per_sample(), 0);

@@ -24,7 +24,7 @@ pub struct PartPlan {
 
 /// An EXR file in the making. The offset tables are filled in last, so that nobody takes an interrupted file for a whole one.
 #[derive(Debug)]
-pub struct ExrWriter {
+pub(crate) struct ExrWriter {
     file: OutputFile,
     parts: Vec<PartPlan>,
     tables: Vec<Vec<u64>>,
@@ -33,7 +33,7 @@ pub struct ExrWriter {
 
 impl ExrWriter {
     /// Writes the header and room for the offset tables.
-    pub fn create(path: &Path, version: u32, parts: Vec<PartPlan>) -> Result<Self, Error> {
+    pub(crate) fn create(path: &Path, version: u32, parts: Vec<PartPlan>) -> Result<Self, Error> {
         let mut file = OutputFile::create(path)?;
         let attributes: Vec<Attributes> =
             parts.iter().map(|part| part.attributes.clone()).collect();
@@ -52,17 +52,22 @@ impl ExrWriter {
     }
 
     /// The name that the file will have.
-    pub fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         self.file.path()
     }
 
     /// Blocks of a part.
-    pub fn chunks(&self, part: usize) -> usize {
+    pub(crate) fn chunks(&self, part: usize) -> usize {
         self.tables[part].len()
     }
 
     /// Appends a block of flat data that has been compressed already.
-    pub fn write_block(&mut self, part: usize, index: usize, payload: &[u8]) -> Result<(), Error> {
+    pub(crate) fn write_block(
+        &mut self,
+        part: usize,
+        index: usize,
+        payload: &[u8],
+    ) -> Result<(), Error> {
         let plan = &self.parts[part];
         let place = plan
             .grid
@@ -76,7 +81,7 @@ impl ExrWriter {
 
     /// Copies chunk `from_index` of part `from_part` of another file without decoding it, to where chunk `index` of `part`
     /// belongs. Both parts cut their blocks alike.
-    pub fn copy_chunk(
+    pub(crate) fn copy_chunk(
         &mut self,
         (part, index): (usize, usize),
         from: &ExrFile,
@@ -102,7 +107,7 @@ impl ExrWriter {
     }
 
     /// Fills in the offset tables and gives the file its name.
-    pub fn finish(mut self) -> Result<(), Error> {
+    pub(crate) fn finish(mut self) -> Result<(), Error> {
         debug_assert!(
             self.tables.iter().flatten().all(|&offset| offset != 0),
             "a block was not written"

@@ -16,7 +16,7 @@ use crate::row::{InputRow, OutputRow, RowLayout, RowSink, RowSource};
 use crate::stream::pipeline;
 
 /// Attribute of a band: the data window of the whole frame.
-pub const FRAME_ATTRIBUTE: &str = "linpredFrameWindow";
+pub const WHOLE_ATTRIBUTE: &str = "linpredFrameWindow";
 /// Attribute of a band: which one it is, such as `2/4`.
 pub const BAND_ATTRIBUTE: &str = "linpredBand";
 
@@ -114,7 +114,7 @@ fn restrict_attributes(attributes: &mut Attributes, rows: &Range<usize>, chunks:
         band[12..16].copy_from_slice(&last.to_le_bytes());
     }
     attributes.set("dataWindow", "box2i", band);
-    attributes.set(FRAME_ATTRIBUTE, "box2i", window);
+    attributes.set(WHOLE_ATTRIBUTE, "box2i", window);
     if attributes.int("chunkCount").is_some() {
         attributes.set("chunkCount", "int", (chunks as i32).to_le_bytes().to_vec());
     }

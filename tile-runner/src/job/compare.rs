@@ -12,7 +12,7 @@ use crate::error::Error;
 use crate::exr_file::ExrFile;
 use crate::geometry::ImageSize;
 use crate::image::source::ExrSource;
-use crate::job::denoise::{Input, InputRequest};
+use crate::job::input::{Input, InputRequest};
 use crate::row::{InputRow, RowSource};
 
 /// Added to the squared reference, so that black pixels do not rule the relative error.

@@ -1,6 +1,8 @@
 //! What a file holds and what would be done with it.
 
 use std::fmt;
+use std::num::NonZeroUsize;
+use std::ops::ControlFlow;
 
 use serde::Serialize;
 
@@ -9,9 +11,10 @@ use crate::channels::variance::Variance;
 use crate::error::Error;
 use crate::exr_file::{ExrFile, Part};
 use crate::image::rewrite::ExtraLayers;
-use crate::job::denoise::{Input, InputRequest};
-use crate::job::memory::DEFAULT_LIMIT;
-use crate::stream::survey::Survey;
+use crate::job::input::{Input, InputRequest};
+use crate::job::memory::{self, DEFAULT_MEMORY_LIMIT};
+use crate::job::plan;
+use crate::stream::survey::{self, Survey};
 
 /// A part in words.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -105,10 +108,28 @@ pub fn inspect_with(
     Ok((inspection, problem))
 }
 
+/// Surveys an input within `limit` bytes of memory, on fewer than `threads` threads where that takes less. `progress` is told how many rows are
+/// done. [`Error::Budget`] if the memory does not suffice.
+pub fn survey(
+    input: &Input,
+    threads: NonZeroUsize,
+    limit: u64,
+    progress: &mut dyn FnMut(usize),
+) -> Result<Survey, Error> {
+    let (threads, plan) = plan::survey_plan(input, threads, limit);
+    plan.check(limit)?;
+    memory::check_available(&plan, threads.get())?;
+    let mut source = input.source(limit)?;
+    survey::survey(&mut source, threads, &mut |rows| {
+        progress(rows);
+        ControlFlow::Continue(())
+    })
+}
+
 /// Why an input whose roles are known cannot be denoised, if it cannot.
 fn obstacle(input: &Input) -> Option<Error> {
     let planned = input.rewrite(ExtraLayers::default()).err();
-    planned.or_else(|| input.source(DEFAULT_LIMIT).err())
+    planned.or_else(|| input.source(DEFAULT_MEMORY_LIMIT).err())
 }
 
 /// The description of a file without roles.

@@ -5,7 +5,7 @@ use std::fmt;
 use crate::error::Error;
 
 /// What a run may use when nothing else is said: what a render node has to spare.
-pub const DEFAULT_LIMIT: u64 = 2 << 30;
+pub const DEFAULT_MEMORY_LIMIT: u64 = 2 << 30;
 
 /// The memory of a run, by what it is for.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -53,7 +53,7 @@ const STACK: u64 = 2 << 20;
 
 /// Asks the system for what `plan` and `threads` threads will take, and gives it back. [`Error::Budget`] where it can't be had: an allocation
 /// that fails on the way would end the process, and leave a `.part` behind.
-pub fn check_available(plan: &MemoryPlan, threads: usize) -> Result<(), Error> {
+pub(super) fn check_available(plan: &MemoryPlan, threads: usize) -> Result<(), Error> {
     let bytes = plan
         .total()
         .saturating_add(STACK.saturating_mul(threads as u64));
@@ -86,55 +86,16 @@ fn mebibytes(bytes: u64) -> String {
 }
 
 /// The most bytes of memory that this process has had resident, where the system tells: Linux does.
-pub fn peak() -> Option<u64> {
+pub(super) fn peak() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
     let kibibytes: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
     Some(kibibytes << 10)
 }
 
-/// Parses a size: a number of bytes, or one with K, M, G or T after it (powers of 1024). [`Error::Usage`] otherwise.
-pub fn parse_size(text: &str) -> Result<u64, Error> {
-    let usage = || Error::Usage(format!("{text:?} is not a size; write 256M or 2G"));
-    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
-    let power = match text[digits.len()..]
-        .to_ascii_uppercase()
-        .trim_end_matches('B')
-        .trim_end_matches('I')
-    {
-        "" => 0,
-        "K" => 1,
-        "M" => 2,
-        "G" => 3,
-        "T" => 4,
-        _ => return Err(usage()),
-    };
-    let number: u64 = digits.parse().map_err(|_| usage())?;
-    number
-        .checked_mul(1 << (10 * power))
-        .filter(|&bytes| bytes > 0)
-        .ok_or_else(usage)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn sizes_are_read_as_people_write_them() {
-        for (text, bytes) in [
-            ("512", 512),
-            ("256M", 256 << 20),
-            ("2G", 2 << 30),
-            ("1GiB", 1 << 30),
-            ("3kb", 3 << 10),
-        ] {
-            assert_eq!(parse_size(text).unwrap(), bytes, "{text}");
-        }
-        for text in ["", "M", "-1", "12Q", "0", "99999999999T"] {
-            assert!(parse_size(text).is_err(), "{text}");
-        }
-    }
 
     #[test]
     fn a_plan_over_the_limit_names_what_costs_most() {

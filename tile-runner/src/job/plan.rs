@@ -5,11 +5,13 @@ use std::num::NonZeroUsize;
 
 use exr::meta::attribute::Compression;
 
+use crate::error::Error;
 use crate::exr_file::Part;
 use crate::exr_file::compression::{blocks_while_coding, coded_at_once};
 use crate::image::rewrite::{Fill, Rewrite};
-use crate::job::denoise::{Input, JobOptions};
+use crate::job::input::Input;
 use crate::job::memory::MemoryPlan;
+use crate::job::options::JobOptions;
 use crate::row::{InputRow, OutputRow};
 use crate::stream::overlap::ROWS_IN_FLIGHT;
 use crate::stream::pipeline;
@@ -36,9 +38,18 @@ impl Schedule {
     }
 }
 
+/// How [`denoise`](super::denoise) would run, and what it would hold in memory. [`Error::Unsupported`] if what is to be denoised holds integers.
+pub fn plan(input: &Input, options: &JobOptions) -> Result<(Schedule, MemoryPlan), Error> {
+    Ok(schedule(input, &input.rewrite(options.extra)?, options))
+}
+
 /// The fastest schedule that keeps within the limit of `options`, and its plan; the most frugal one if none does, which
 /// [`MemoryPlan::check`] tells.
-pub fn schedule(input: &Input, rewrite: &Rewrite, options: &JobOptions) -> (Schedule, MemoryPlan) {
+pub(crate) fn schedule(
+    input: &Input,
+    rewrite: &Rewrite,
+    options: &JobOptions,
+) -> (Schedule, MemoryPlan) {
     let threads = options.pipeline.threads;
     let frugal = Schedule {
         threads: NonZeroUsize::MIN,
@@ -96,7 +107,7 @@ fn may_code_at_once(input: &Input, rewrite: &Rewrite) -> bool {
 }
 
 /// What denoising `input` will hold in memory: file blocks, and the pipeline's bands of rows.
-pub fn memory_plan(input: &Input, rewrite: &Rewrite, schedule: Schedule) -> MemoryPlan {
+pub(super) fn memory_plan(input: &Input, rewrite: &Rewrite, schedule: Schedule) -> MemoryPlan {
     let mut plan = MemoryPlan::default();
     plan.add("the program", PROGRAM);
     add_reading(&mut plan, input);
@@ -121,7 +132,11 @@ pub fn memory_plan(input: &Input, rewrite: &Rewrite, schedule: Schedule) -> Memo
 }
 
 /// How many of `threads` threads a survey of `input` takes to stay within `limit` bytes of memory, one if it cannot, and its plan.
-pub fn survey_plan(input: &Input, threads: NonZeroUsize, limit: u64) -> (NonZeroUsize, MemoryPlan) {
+pub(super) fn survey_plan(
+    input: &Input,
+    threads: NonZeroUsize,
+    limit: u64,
+) -> (NonZeroUsize, MemoryPlan) {
     let plan = |threads| {
         let mut plan = MemoryPlan::default();
         plan.add("the program", PROGRAM);

@@ -6,10 +6,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::error::Error;
 use crate::exr_file::attributes::Attributes;
 use crate::exr_file::grid::BlockGrid;
+use crate::exr_file::output::check_output;
 use crate::exr_file::writer::{ExrWriter, PartPlan};
 use crate::exr_file::{ExrFile, Part};
-use crate::job::band::{BAND_ATTRIBUTE, FRAME_ATTRIBUTE};
-use crate::job::denoise::check_output;
+use crate::job::band::{BAND_ATTRIBUTE, WHOLE_ATTRIBUTE};
 
 /// Attributes in which the bands of a frame differ.
 const OWN_ATTRIBUTES: [&str; 3] = ["dataWindow", "chunkCount", BAND_ATTRIBUTE];
@@ -80,7 +80,7 @@ impl Frame {
         let mut attributes = part.attributes.clone();
         let chunks = self.grid.rows() * self.grid.columns();
         attributes.remove(BAND_ATTRIBUTE);
-        attributes.remove(FRAME_ATTRIBUTE);
+        attributes.remove(WHOLE_ATTRIBUTE);
         attributes.set("dataWindow", "box2i", self.window.clone());
         if attributes.int("chunkCount").is_some() {
             attributes.set("chunkCount", "int", (chunks as i32).to_le_bytes().to_vec());
@@ -98,14 +98,14 @@ impl Frame {
 fn frame(file: &ExrFile, part: &Part) -> Result<Frame, Error> {
     let no_band = || {
         Error::Invalid(format!(
-            "{}: {}: is no band (it has no attribute {FRAME_ATTRIBUTE}); bands are made by denoise --band",
+            "{}: {}: is no band (it has no attribute {WHOLE_ATTRIBUTE}); bands are made by denoise --band",
             file.path().display(),
             part.label()
         ))
     };
     let window = part
         .attributes
-        .value(FRAME_ATTRIBUTE, "box2i")
+        .value(WHOLE_ATTRIBUTE, "box2i")
         .ok_or_else(no_band)?
         .to_vec();
     let row = |at: usize| {

@@ -6,7 +6,8 @@ use linpred_core::{BLOCK_HEIGHT, BLOCK_WIDTH, NOISE_HALO, NoiseBlock, NoisyBlock
 use rayon::prelude::*;
 
 use crate::row::{FEATURES, RowLayout, VarianceKind};
-use crate::stream::held_rows::{HeldRows, copy_mirrored, mirrored};
+use crate::stream::borders::{copy_mirrored, mirrored};
+use crate::stream::held_rows::HeldRows;
 use crate::stream::instruction_set::Level;
 
 /// Blocks that each thread estimates before their results are stored.

@@ -12,7 +12,6 @@
 
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
-use std::time::Duration;
 
 use linpred_core::{CELL, HALO, Params};
 use rayon::ThreadPool;
@@ -22,11 +21,12 @@ use crate::error::Error;
 use crate::row::{OutputRow, RowLayout, RowSink, RowSource};
 use crate::stream::instruction_set::Level;
 use crate::stream::missing_variances::Missing;
-pub use crate::stream::preparation::Counts;
 use crate::stream::preparation::{LOOK_BELOW, Preparation};
+use crate::stream::report::{Counts, Report};
 use crate::stream::resolved_row::{ROWS_PER_THREAD, ResolvedRow};
 use crate::stream::row_of_cells::CellBenches;
 use crate::stream::sum_rows::SumRows;
+use crate::stream::threads::{pool, stack_bytes};
 
 /// How to run.
 #[derive(Clone, Copy, Debug)]
@@ -37,36 +37,15 @@ pub struct Options {
     pub threads: NonZeroUsize,
 }
 
-/// What a run did, and what it could leave.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Report {
-    /// What was worked on and what was skipped.
-    pub counts: Counts,
-    /// Models that were built.
-    pub models: u64,
-    /// Time that threads spent on the cells that were not skipped, added up over the threads.
-    pub fitting: Duration,
-}
-
-impl Report {
-    /// What the skipped cells would have taken of a thread's time, had each taken the mean of the others. `None` where none was skipped, or
-    /// none was fitted that would tell.
-    pub fn saved(&self) -> Option<Duration> {
-        let skipped = self.counts.cells_skipped;
-        let fitted = self.counts.cells - skipped;
-        (skipped > 0 && fitted > 0).then(|| self.fitting.mul_f64(skipped as f64 / fitted as f64))
-    }
-}
-
 /// Rows above or below a pixel that it can depend on, for an image whose rows hold `layout`: it lies in the halo of a cell, the
 /// cell's windows reach as far again, and what they read was prepared from a halo of its own.
-pub fn reach(layout: &RowLayout) -> usize {
+pub(crate) fn reach(layout: &RowLayout) -> usize {
     // counted from a pixel of the halo: to the far edge of the cell, and what lies beyond that
     HALO + CELL + LOOK_BELOW + Missing::of(layout).halo()
 }
 
 /// Bytes that denoising an image takes at most, beside the source and the sink.
-pub fn bytes(layout: &RowLayout, threads: NonZeroUsize) -> u64 {
+pub(crate) fn bytes(layout: &RowLayout, threads: NonZeroUsize) -> u64 {
     let threads = threads.get() as u64;
     [
         Preparation::bytes(layout, threads),
@@ -77,22 +56,6 @@ pub fn bytes(layout: &RowLayout, threads: NonZeroUsize) -> u64 {
     ]
     .into_iter()
     .fold(0, u64::saturating_add)
-}
-
-/// Bytes of stack that `threads` threads touch.
-pub(crate) fn stack_bytes(threads: u64) -> u64 {
-    threads.saturating_mul(STACK as u64)
-}
-
-/// Bytes of stack that a thread touches (the core declares 30 KiB; measured with what calls it).
-const STACK: usize = 256 << 10;
-
-/// Threads that compute.
-pub(crate) fn pool(threads: NonZeroUsize) -> Result<ThreadPool, Error> {
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads.get())
-        .build();
-    pool.map_err(|e| Error::Budget(format!("can't start {threads} threads: {e}")))
 }
 
 /// Denoises every row of `source` into `sink`. `progress` is told how many rows have been written after each; when it

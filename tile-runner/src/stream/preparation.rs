@@ -5,8 +5,7 @@
 
 use std::num::NonZeroUsize;
 
-use linpred_core::{CELL, HALO, PixelState};
-use serde::Serialize;
+use linpred_core::{CELL, HALO};
 
 use crate::error::Error;
 use crate::geometry::plane_bytes;
@@ -16,34 +15,7 @@ use crate::stream::instruction_set::Level;
 use crate::stream::missing_variances::Missing;
 use crate::stream::neighbourhood::{Neighbourhood, prepared_from};
 use crate::stream::prepared_rows::{BLOCK_HALO, BlockBench, PreparedRows};
-
-/// What of an image a run works on, and what it skips. It depends on the image alone, not on the quality or on threads; the papers'
-/// formulas skip no cell.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Counts {
-    /// Pixels of the image.
-    pub pixels: u64,
-    /// Pixels of zero variance, passed through as they came.
-    pub passed_through: u64,
-    /// Pixels with a NaN or infinite colour, predicted from their neighbours.
-    pub repaired: u64,
-    /// Cells of 19 x 19 pixels.
-    pub cells: u64,
-    /// Of those, the ones that hold no noise: nothing is fitted in them.
-    pub cells_skipped: u64,
-    /// Blocks of features: a normal, an albedo or a depth each.
-    pub feature_blocks: u64,
-    /// Of those, the ones with no noise in reach: they are not filtered.
-    pub feature_blocks_skipped: u64,
-}
-
-impl Counts {
-    /// Counts a pixel of the image.
-    pub(crate) fn add_pixel(&mut self, state: PixelState) {
-        self.passed_through += u64::from(state == PixelState::Clean);
-        self.repaired += u64::from(state == PixelState::Bad);
-    }
-}
+use crate::stream::report::Counts;
 
 /// Rows below a row of cells that its pixels depend on, beside those that variances are estimated from.
 pub(crate) const LOOK_BELOW: usize = HALO + BLOCK_HALO;

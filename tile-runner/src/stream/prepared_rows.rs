@@ -12,7 +12,8 @@ use rayon::prelude::*;
 
 use crate::geometry::plane_bytes;
 use crate::row::{FEATURES, RowLayout};
-use crate::stream::held_rows::{HeldRows, copy_clamped};
+use crate::stream::borders::copy_clamped;
+use crate::stream::held_rows::HeldRows;
 use crate::stream::instruction_set::Level;
 
 /// Rows of input around a row of blocks that it is made of.

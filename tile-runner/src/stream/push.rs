@@ -14,7 +14,8 @@ use std::thread::{Builder, JoinHandle};
 use crate::error::Error;
 use crate::row::{InputRow, OutputRow, RowLayout, RowSink, RowSource};
 use crate::stream::overlap::ROWS_IN_FLIGHT;
-use crate::stream::pipeline::{self, Options, Report};
+use crate::stream::pipeline::{self, Options};
+use crate::stream::report::Report;
 
 /// Begins to denoise an image whose rows will be pushed. [`Error::Budget`] if the system gives no thread.
 pub fn start(layout: RowLayout, options: Options) -> Result<(Push, Denoised), Error> {

@@ -4,7 +4,7 @@ use linpred_core::{Formulas, resolve, resolve_layer};
 
 use crate::row::{OutputRow, RowLayout};
 use crate::stream::neighbourhood::PixelRow;
-use crate::stream::preparation::Counts;
+use crate::stream::report::Counts;
 use crate::stream::sum_rows::SumRow;
 
 /// Rows that each thread works out before they are written.

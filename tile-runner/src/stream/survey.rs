@@ -8,14 +8,12 @@ use linpred_core::{CELL, Formulas, PixelState};
 use serde::Serialize;
 
 use crate::error::Error;
-use crate::job::denoise::Input;
-use crate::job::memory;
-use crate::job::plan;
 use crate::row::{FEATURE_NAMES, FEATURES, RowLayout, RowSource};
 use crate::stream::instruction_set::Level;
 use crate::stream::neighbourhood::Neighbourhood;
-use crate::stream::pipeline::{pool, stack_bytes};
-use crate::stream::preparation::{Counts, Preparation};
+use crate::stream::preparation::Preparation;
+use crate::stream::report::Counts;
+use crate::stream::threads::{pool, stack_bytes};
 
 /// What the pixels of an image hold.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -65,24 +63,6 @@ pub fn survey(
         }
     }
     Ok(found.survey())
-}
-
-/// Surveys an input within `limit` bytes of memory, on fewer than `threads` threads where that takes less. `progress` is told how many rows are
-/// done. [`Error::Budget`] if the memory does not suffice.
-pub fn survey_input(
-    input: &Input,
-    threads: NonZeroUsize,
-    limit: u64,
-    progress: &mut dyn FnMut(usize),
-) -> Result<Survey, Error> {
-    let (threads, plan) = plan::survey_plan(input, threads, limit);
-    plan.check(limit)?;
-    memory::check_available(&plan, threads.get())?;
-    let mut source = input.source(limit)?;
-    survey(&mut source, threads, &mut |rows| {
-        progress(rows);
-        ControlFlow::Continue(())
-    })
 }
 
 /// What has been found so far.

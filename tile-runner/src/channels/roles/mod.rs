@@ -1,5 +1,6 @@
 //! Decides which channels play which role, and remembers why.
 
+pub(crate) mod layers;
 mod mapping;
 mod search;
 mod variances;
@@ -75,7 +76,7 @@ impl Roles {
 ///
 /// [`Error::Usage`] when `--map` names a channel that is not there, [`Error::Invalid`] when no colour can be found, a variance
 /// needs the number of samples and nothing states it, or second moments are stored in half precision.
-pub fn resolve(names: &ChannelNames, request: &RoleRequest) -> Result<Roles, Error> {
+pub(crate) fn resolve(names: &ChannelNames, request: &RoleRequest) -> Result<Roles, Error> {
     let mut search = Search::new(names, request);
     for role in Role::ALL {
         search.assign(role)?;

@@ -1,11 +1,11 @@
 //! Panics of the `exr` crate's coders become errors: a block that its author did not think of ends a run in a sentence like any other damage.
 //!
 //! What a coder was given is dropped with it, and it keeps no state of its own, so nothing half-changed is left behind. The panic hook has run by the time
-//! that a panic is caught. It belongs to the process and not to a library: a program that installs one asks [`are_caught`] whether the
-//! user will be told anyway (the command line does). With `panic = "abort"` nothing is caught, and the process ends.
+//! that a panic is caught. The hook belongs to the process and not to a library, so a program says with [`tell_caught_ones_to`] what is to become of
+//! panics that end in an error (the command line logs them for `--verbose`). With `panic = "abort"` nothing is caught, and the process ends.
 
 use std::cell::Cell;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};
 
 use exr::error::{Error, Result};
 
@@ -13,13 +13,22 @@ thread_local! {
     static CAUGHT: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Whether a panic of this thread would come to nothing but an error. For panic hooks.
-pub fn are_caught() -> bool {
+/// Has panics that become an error told to `quiet` instead of the panic hook that is installed now, which is told of all others.
+pub fn tell_caught_ones_to(quiet: impl Fn(&PanicHookInfo<'_>) + Send + Sync + 'static) {
+    let loud = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| match are_caught() {
+        true => quiet(panic),
+        false => loud(panic),
+    }));
+}
+
+/// Whether a panic of this thread would come to nothing but an error.
+fn are_caught() -> bool {
     CAUGHT.get()
 }
 
 /// Runs a coder. [`Error::Invalid`] with the panic's message if it panics.
-pub fn into_error<T>(coder: impl FnOnce() -> Result<T>) -> Result<T> {
+pub(crate) fn into_error<T>(coder: impl FnOnce() -> Result<T>) -> Result<T> {
     let before = CAUGHT.replace(true);
     let result = catch_unwind(AssertUnwindSafe(coder));
     CAUGHT.set(before);
@@ -66,5 +75,27 @@ mod tests {
             error.unwrap_err().to_string(),
             Error::Invalid("bent".into()).to_string()
         );
+    }
+
+    thread_local! {
+        static TOLD: Cell<[u32; 2]> = const { Cell::new([0; 2]) };
+    }
+
+    #[test]
+    fn a_panic_is_told_unless_an_error_will_tell() {
+        fn count(which: usize) {
+            let mut told = TOLD.get();
+            told[which] += 1;
+            TOLD.set(told);
+        }
+        let others = std::panic::take_hook();
+        std::panic::set_hook(Box::new(|_| count(0)));
+        tell_caught_ones_to(|_| count(1));
+        let caught = into_error::<()>(|| panic!("in a coder"));
+        let quiet = TOLD.get();
+        let other = catch_unwind(|| panic!("elsewhere"));
+        std::panic::set_hook(others);
+        assert!(caught.is_err() && other.is_err());
+        assert_eq!((quiet, TOLD.get()), ([0, 1], [1, 1]));
     }
 }

@@ -11,11 +11,7 @@ const DECODED: [usize; 5] = [1, 6, 7, 8, 9];
 
 /// Whether a compressed DWA block of these bounds announces sizes that it can have. A payload too short for its counters is left
 /// to the decoder.
-pub(in crate::exr_file) fn is_plausible(
-    payload: &[u8],
-    channels: usize,
-    bounds: IntegerBounds,
-) -> bool {
+pub(crate) fn is_plausible(payload: &[u8], channels: usize, bounds: IntegerBounds) -> bool {
     // the cosine transform works on squares of 8; a run-length code at most doubles its data; a sample has at most 4 bytes
     let padded = |side: usize| side.next_multiple_of(8) as u64;
     let samples = padded(bounds.size.0).saturating_mul(padded(bounds.size.1));

@@ -65,13 +65,13 @@ fn is_zip(compression: Compression) -> bool {
 
 /// Whether two blocks of this compression may be coded at once: those of zip, whose working memory is two blocks at most. What the others
 /// take would be too much twice.
-pub fn coded_at_once(compression: Compression) -> bool {
+pub(crate) fn coded_at_once(compression: Compression) -> bool {
     is_zip(compression) || compression == Compression::Uncompressed
 }
 
 /// Blocks of working memory that it takes at most to decode or encode one of `compression`, beside the decoded block itself. Counted for zip
 /// and PIZ; DWA's are measured, and those of the rest are what the `exr` crate copies.
-pub fn blocks_while_coding(compression: Compression) -> u64 {
+pub(crate) fn blocks_while_coding(compression: Compression) -> u64 {
     match compression {
         // a payload, and the bytes in another order
         Compression::ZIP1 | Compression::ZIP16 => 2,

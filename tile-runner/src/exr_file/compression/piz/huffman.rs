@@ -3,8 +3,8 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use super::VALUES;
-
+/// Values of a 16-bit word.
+pub(super) const VALUES: usize = 1 << 16;
 /// Longest code: one bit less than the format has room for, so that it fits 64 bits beside 7 that wait for their byte.
 const LONGEST: usize = 57;
 /// In the table of lengths: this much more than 2 zeroes (up to 3 more), the rest of 6 bits being lengths.

@@ -11,11 +11,8 @@ mod wavelet;
 
 use exr::meta::attribute::{ChannelDescription, IntegerBounds};
 
-use huffman::Huffman;
+use huffman::{Huffman, VALUES};
 use wavelet::Plane;
-
-/// Values of a 16-bit word.
-const VALUES: usize = 1 << 16;
 
 /// Turns a block into its payload, or leaves it as it is where that would be no shorter. `block` holds the samples of `bounds`, for
 /// each line, for each channel, little-endian. Works in as much memory again.

@@ -3,9 +3,8 @@
 use std::io::Write;
 use std::path::Path;
 
-use crate::error::Error;
-use crate::exr_file::output::OutputFile;
-use crate::geometry::ImageSize;
+use linpred::exr_file::output::OutputFile;
+use linpred::{Error, ImageSize};
 
 /// Relative squared error that is drawn black, and that is drawn white: four decades between.
 const DARKEST: f32 = 1e-4;
@@ -23,7 +22,7 @@ const RAMP: [[f32; 3]; 5] = [
 const NO_NUMBER: [u8; 3] = [0, 255, 255];
 
 /// Writes a PNG row by row.
-pub struct Heatmap {
+pub(crate) struct Heatmap {
     rows: png::StreamWriter<'static, PngFile>,
     file: PngFile,
 }
@@ -60,7 +59,7 @@ impl Write for PngFile {
 
 impl Heatmap {
     /// Begins a picture. [`Error::Write`] if the file cannot be created.
-    pub fn create(path: &Path, size: ImageSize) -> Result<Self, Error> {
+    pub(crate) fn create(path: &Path, size: ImageSize) -> Result<Self, Error> {
         let file = PngFile(std::sync::Arc::new(std::sync::Mutex::new(Some(
             OutputFile::create(path)?,
         ))));
@@ -79,7 +78,7 @@ impl Heatmap {
     }
 
     /// Draws a row of relative squared errors.
-    pub fn row(&mut self, errors: &[f32]) -> Result<(), Error> {
+    pub(crate) fn row(&mut self, errors: &[f32]) -> Result<(), Error> {
         let bytes: Vec<u8> = errors.iter().flat_map(|&error| colour(error)).collect();
         self.rows
             .write_all(&bytes)
@@ -87,7 +86,7 @@ impl Heatmap {
     }
 
     /// Completes the picture.
-    pub fn finish(self) -> Result<(), Error> {
+    pub(crate) fn finish(self) -> Result<(), Error> {
         let done = self.rows.finish();
         done.map_err(|error| self.file.with(|file| file.error(error.into())))?;
         let file = self

@@ -23,7 +23,7 @@ pub struct Layer {
 /// the layer's last dot. The colour itself and channels in other roles are passed over where a pattern has a wildcard.
 ///
 /// [`Error::Usage`] for a pattern that matches nothing, [`Error::Invalid`] for a layer of another data window.
-pub fn select(
+pub(crate) fn select(
     names: &ChannelNames,
     roles: &Roles,
     patterns: &[String],
