@@ -43,7 +43,7 @@ pub struct RowLayout {
     pub features: [bool; FEATURES],
     /// Which features have variances of their own; planes of the others hold 0, and the pipeline estimates them.
     pub feature_variances: [bool; FEATURES],
-    /// Extra colour layers to denoise with the models of the beauty.
+    /// Extra colour layers to denoise with the models of the colour.
     pub layers: usize,
 }
 

@@ -1,7 +1,7 @@
-//! OpenEXR files as streams of rows, with random access to their blocks.
+//! OpenEXR files as streams of rows, with random access to their chunks.
 //!
-//! The `exr` crate parses headers and codes blocks; this module finds the blocks by the offset tables, holds no more than
-//! the blocks that cross one row, and writes a file block by block, which the crate's own reader and writer
+//! The `exr` crate parses headers and codes chunks; this module finds the chunks by the offset tables, holds no more than
+//! the chunks that cross one row, and writes a file chunk by chunk, which the crate's own reader and writer
 //! (one pass in file order; a closure that owns control) do not do.
 
 pub mod attributes;

@@ -1,4 +1,4 @@
-//! A part's pixels as rows, with one row of blocks in memory.
+//! A part's pixels as rows, with one row of chunks in memory.
 
 use std::sync::Arc;
 
@@ -11,24 +11,24 @@ use super::reader::ExrFile;
 use crate::error::Error;
 
 /// Refuses what cannot be decoded: [`Error::Unsupported`] if a part's pixels are of a kind that is not, [`Error::Budget`] if
-/// one row of its blocks takes more than `limit` bytes.
+/// one row of its chunks takes more than `limit` bytes.
 pub(crate) fn check_decodable(file: &ExrFile, part: usize, limit: u64) -> Result<(), Error> {
     let described = &file.parts()[part];
     let (path, label) = (file.path().display(), described.label());
     if let Some(refusal) = &described.refusal {
         return Err(Error::Unsupported(format!("{path}: {label}: {refusal}")));
     }
-    if described.block_row_bytes() > limit {
+    if described.chunk_row_bytes() > limit {
         return Err(Error::Budget(format!(
-            "{path}: {label}: one row of blocks ({} rows of {} pixels, {} channels, {}) takes {} MiB, the limit is {} MiB",
+            "{path}: {label}: one row of chunks ({} rows of {} pixels, {} channels, {}) takes {} MiB, the limit is {} MiB",
             described
                 .grid
-                .block_height()
+                .chunk_height()
                 .min(described.header.layer_size.1),
             described.header.layer_size.0,
             described.header.channels.list.len(),
             described.header.compression,
-            described.block_row_bytes() >> 20,
+            described.chunk_row_bytes() >> 20,
             limit >> 20,
         )));
     }
@@ -44,14 +44,14 @@ pub(crate) struct PartRows {
     /// Whether each channel is read.
     kept: Vec<bool>,
     types: Vec<SampleType>,
-    /// Which row of blocks is decoded.
+    /// Which row of chunks is decoded.
     current: Option<usize>,
-    blocks: Vec<Block>,
+    chunks: Vec<Chunk>,
     scratch: Vec<u8>,
 }
 
 #[derive(Debug)]
-struct Block {
+struct Chunk {
     bounds: IntegerBounds,
     bytes: Vec<u8>,
 }
@@ -81,7 +81,7 @@ impl PartRows {
             kept,
             types,
             current: None,
-            blocks: Vec::new(),
+            chunks: Vec::new(),
             scratch: Vec::new(),
         })
     }
@@ -101,9 +101,9 @@ impl PartRows {
     ) -> Result<(), Error> {
         self.load(y)?;
         let size = self.types[channel].bytes_per_sample();
-        for block in &self.blocks {
-            let samples = self.line(block, channel, y);
-            let start = block.bounds.position.0 as usize * size;
+        for chunk in &self.chunks {
+            let samples = self.line(chunk, channel, y);
+            let start = chunk.bounds.position.0 as usize * size;
             out[start..start + samples.len()].copy_from_slice(samples);
         }
         Ok(())
@@ -128,46 +128,46 @@ impl PartRows {
         result
     }
 
-    /// Decodes the row of blocks that holds row `y`, if it is not the current one.
+    /// Decodes the row of chunks that holds row `y`, if it is not the current one.
     fn load(&mut self, y: usize) -> Result<(), Error> {
         let grid = self.file.parts()[self.part].grid;
-        let row = grid.block_row(y);
+        let row = grid.chunk_row(y);
         if self.current == Some(row) {
             return Ok(());
         }
         self.current = None;
         for column in 0..grid.columns() {
-            if self.blocks.len() == column {
-                self.blocks.push(Block {
+            if self.chunks.len() == column {
+                self.chunks.push(Chunk {
                     bounds: grid.bounds(column, row),
                     bytes: Vec::new(),
                 });
             }
-            let block = &mut self.blocks[column];
-            block.bounds = grid.bounds(column, row);
+            let chunk = &mut self.chunks[column];
+            chunk.bounds = grid.bounds(column, row);
             let kept = |channel: usize| self.kept[channel];
-            self.file.decode_block(
+            self.file.decode_chunk(
                 &self.codec,
                 self.part,
                 (column, row),
                 kept,
-                &mut block.bytes,
+                &mut chunk.bytes,
             )?;
         }
         self.current = Some(row);
         Ok(())
     }
 
-    fn line<'a>(&self, block: &'a Block, channel: usize, y: usize) -> &'a [u8] {
-        let width = block.bounds.size.0;
+    fn line<'a>(&self, chunk: &'a Chunk, channel: usize, y: usize) -> &'a [u8] {
+        let width = chunk.bounds.size.0;
         let bytes = |channels: &mut dyn Iterator<Item = usize>| -> usize {
             let kept = channels.filter(|&channel| self.kept[channel]);
             kept.map(|channel| self.types[channel].bytes_per_sample())
                 .sum()
         };
-        let line = (y - block.bounds.position.1 as usize) * bytes(&mut (0..self.types.len()));
+        let line = (y - chunk.bounds.position.1 as usize) * bytes(&mut (0..self.types.len()));
         let start = width * (line + bytes(&mut (0..channel)));
-        &block.bytes[start..start + width * self.types[channel].bytes_per_sample()]
+        &chunk.bytes[start..start + width * self.types[channel].bytes_per_sample()]
     }
 }
 

@@ -1,4 +1,4 @@
-//! A part that is written anew: denoised rows, until they fill a row of blocks.
+//! A part that is written anew: denoised rows, until they fill a row of chunks.
 
 use std::sync::Arc;
 
@@ -12,21 +12,21 @@ use crate::exr_file::{ExrFile, PartRows, check_decodable};
 use crate::image::rewrite::{Fill, RewrittenPart};
 use crate::row::OutputRow;
 
-/// The part's plan, and its denoised samples since the last full row of blocks.
+/// What the part is to be, and its denoised samples since the last full row of chunks.
 #[derive(Debug)]
 pub(crate) struct PartInProgress {
-    plan: RewrittenPart,
+    part: RewrittenPart,
     kept: Kept,
     /// The input's row that is the output's first.
     first_row: usize,
     /// Samples of each channel that is not kept, row by row; empty for those that are.
     denoised: Vec<Vec<u8>>,
     input: Arc<ExrFile>,
-    /// What decodes the input's blocks once more, and encodes the output's.
+    /// What decodes the input's chunks once more, and encodes the output's.
     codec: SharedCodec,
-    /// The block that is being written.
-    block: Vec<u8>,
-    /// The block of the input that it is made of, where the channels differ.
+    /// The chunk that is being written.
+    chunk: Vec<u8>,
+    /// The chunk of the input that it is made of, where the channels differ.
     decoded: Vec<u8>,
 }
 
@@ -35,63 +35,63 @@ pub(crate) struct PartInProgress {
 enum Kept {
     /// There are none.
     Nothing,
-    /// The input's blocks, which are cut like the output's.
-    Blocks,
-    /// The input's rows: its blocks have another height.
+    /// The input's chunks, which are cut like the output's.
+    Chunks,
+    /// The input's rows: its chunks have another height.
     Rows(Box<PartRows>),
 }
 
 impl PartInProgress {
     /// Begins a part of the output of `input`. Errors as for [`check_decodable`].
     pub(crate) fn new(
-        plan: RewrittenPart,
+        part: RewrittenPart,
         input: &Arc<ExrFile>,
         codec: &SharedCodec,
         first_row: usize,
         limit: u64,
     ) -> Result<Self, Error> {
-        let described = &input.parts()[plan.index];
-        let same_blocks = described.grid.block_height() == plan.grid.block_height();
-        let kept = if !plan.fills.iter().any(|fill| matches!(fill, Fill::Input(_))) {
+        let described = &input.parts()[part.index];
+        let same_chunks = described.grid.chunk_height() == part.grid.chunk_height();
+        let kept = if !part.fills.iter().any(|fill| matches!(fill, Fill::Input(_))) {
             Kept::Nothing
-        } else if same_blocks {
-            check_decodable(input, plan.index, limit)?;
-            Kept::Blocks
+        } else if same_chunks {
+            check_decodable(input, part.index, limit)?;
+            Kept::Chunks
         } else {
-            let mut rows = PartRows::new(input.clone(), codec.clone(), plan.index, limit)?;
-            for fill in &plan.fills {
+            let mut rows = PartRows::new(input.clone(), codec.clone(), part.index, limit)?;
+            for fill in &part.fills {
                 if let Fill::Input(channel) = fill {
                     rows.keep(*channel);
                 }
             }
             Kept::Rows(Box::new(rows))
         };
-        let denoised = vec![Vec::new(); plan.fills.len()];
+        let denoised = vec![Vec::new(); part.fills.len()];
         Ok(Self {
-            plan,
+            part,
             kept,
             first_row,
             denoised,
             input: input.clone(),
             codec: codec.clone(),
-            block: Vec::new(),
+            chunk: Vec::new(),
             decoded: Vec::new(),
         })
     }
 
     /// The part's number.
     pub(crate) fn index(&self) -> usize {
-        self.plan.index
+        self.part.index
     }
 
     /// Keeps the samples of a row; returns how many were clamped.
     pub(crate) fn take_row(&mut self, y: usize, row: &OutputRow) -> u64 {
-        let grid = self.plan.grid;
-        let bounds = grid.bounds(0, grid.block_row(y));
+        let grid = self.part.grid;
+        let bounds = grid.bounds(0, grid.chunk_row(y));
         let line = y - bounds.position.1 as usize;
         let mut clamped = 0;
-        let list = &self.plan.header.channels.list;
-        for ((channel, fill), denoised) in list.iter().zip(&self.plan.fills).zip(&mut self.denoised)
+        let list = &self.part.header.channels.list;
+        for ((channel, fill), denoised) in list.iter().zip(&self.part.fills).zip(&mut self.denoised)
         {
             let plane = match *fill {
                 Fill::Input(_) => continue,
@@ -109,47 +109,47 @@ impl PartInProgress {
         clamped
     }
 
-    /// Writes the row of blocks whose last row `y` was, if it was.
-    pub(crate) fn write_full_blocks(
+    /// Writes the row of chunks whose last row `y` was, if it was.
+    pub(crate) fn write_full_chunks(
         &mut self,
         y: usize,
         writer: &mut ExrWriter,
     ) -> Result<(), Error> {
-        let grid = self.plan.grid;
-        let block_row = grid.block_row(y);
-        let first = grid.bounds(0, block_row);
+        let grid = self.part.grid;
+        let chunk_row = grid.chunk_row(y);
+        let first = grid.bounds(0, chunk_row);
         if y + 1 < first.position.1 as usize + first.size.1 {
             return Ok(());
         }
         for column in 0..grid.columns() {
-            self.assemble(column, block_row)?;
-            let bounds = grid.bounds(column, block_row);
+            self.assemble(column, chunk_row)?;
+            let bounds = grid.bounds(column, chunk_row);
             self.codec
                 .lock()
-                .encode(&self.plan.header, &mut self.block, bounds)
+                .encode(&self.part.header, &mut self.chunk, bounds)
                 .map_err(|error| {
                     Error::Unsupported(format!(
                         "{}: part {}: row {}: cannot be compressed: {error}",
                         writer.path().display(),
-                        self.plan.index,
+                        self.part.index,
                         first.position.1
                     ))
                 })?;
-            writer.write_block(
-                self.plan.index,
-                block_row * grid.columns() + column,
-                &self.block,
+            writer.write_chunk(
+                self.part.index,
+                chunk_row * grid.columns() + column,
+                &self.chunk,
             )?;
         }
         Ok(())
     }
 
-    /// A block of the output: what is kept of the input, and what was denoised.
-    fn assemble(&mut self, column: usize, block_row: usize) -> Result<(), Error> {
-        let bounds = self.plan.grid.bounds(column, block_row);
-        self.fill_kept(column, block_row, bounds)?;
-        let width = self.plan.header.layer_size.0;
-        let lines = Lines::new(&self.plan.header.channels, bounds);
+    /// A chunk of the output: what is kept of the input, and what was denoised.
+    fn assemble(&mut self, column: usize, chunk_row: usize) -> Result<(), Error> {
+        let bounds = self.part.grid.bounds(column, chunk_row);
+        self.fill_kept(column, chunk_row, bounds)?;
+        let width = self.part.header.layer_size.0;
+        let lines = Lines::new(&self.part.header.channels, bounds);
         for (channel, denoised) in self.denoised.iter().enumerate() {
             let size = lines.sizes[channel];
             let row = width * size;
@@ -161,60 +161,60 @@ impl PartInProgress {
             {
                 let at = lines.range(channel, line);
                 let length = at.len();
-                self.block[at].copy_from_slice(&samples[x..x + length]);
+                self.chunk[at].copy_from_slice(&samples[x..x + length]);
             }
         }
         Ok(())
     }
 
-    /// Makes a block of the output with the kept channels in place; the others hold anything.
+    /// Makes a chunk of the output with the kept channels in place; the others hold anything.
     fn fill_kept(
         &mut self,
         column: usize,
-        block_row: usize,
+        chunk_row: usize,
         bounds: IntegerBounds,
     ) -> Result<(), Error> {
-        let channels = &self.plan.header.channels;
+        let channels = &self.part.header.channels;
         let bytes = bounds.size.0 * bounds.size.1 * channels.bytes_per_pixel;
         let to = Lines::new(channels, bounds);
         let kept = |(channel, fill): (usize, &Fill)| match fill {
             Fill::Input(from) => Some((channel, *from)),
             _ => None,
         };
-        let kept = self.plan.fills.iter().enumerate().filter_map(kept);
+        let kept = self.part.fills.iter().enumerate().filter_map(kept);
         match &mut self.kept {
-            Kept::Nothing => self.block.resize(bytes, 0),
-            Kept::Blocks => {
-                let above = self.first_row / self.plan.grid.block_height();
-                let place = (column, above + block_row);
-                let old = &self.input.parts()[self.plan.index].header.channels;
+            Kept::Nothing => self.chunk.resize(bytes, 0),
+            Kept::Chunks => {
+                let above = self.first_row / self.part.grid.chunk_height();
+                let place = (column, above + chunk_row);
+                let old = &self.input.parts()[self.part.index].header.channels;
                 let same = old == channels;
                 let decoded = if same {
-                    &mut self.block
+                    &mut self.chunk
                 } else {
                     &mut self.decoded
                 };
                 self.input
-                    .decode_block(&self.codec, self.plan.index, place, |_| true, decoded)?;
+                    .decode_chunk(&self.codec, self.part.index, place, |_| true, decoded)?;
                 if same {
                     return Ok(());
                 }
                 let from = Lines::new(old, bounds);
-                self.block.resize(bytes, 0);
+                self.chunk.resize(bytes, 0);
                 for (channel, old) in kept {
                     for line in 0..bounds.size.1 {
-                        self.block[to.range(channel, line)]
+                        self.chunk[to.range(channel, line)]
                             .copy_from_slice(&self.decoded[from.range(old, line)]);
                     }
                 }
             }
             Kept::Rows(rows) => {
-                // only scanline blocks depend on the compression for their height: they span the width
+                // only scanline chunks depend on the compression for their height: they span the width
                 let first = self.first_row + bounds.position.1 as usize;
-                self.block.resize(bytes, 0);
+                self.chunk.resize(bytes, 0);
                 for line in 0..bounds.size.1 {
                     for (channel, old) in kept.clone() {
-                        rows.copy_row(old, first + line, &mut self.block[to.range(channel, line)])?;
+                        rows.copy_row(old, first + line, &mut self.chunk[to.range(channel, line)])?;
                     }
                 }
             }
@@ -223,7 +223,7 @@ impl PartInProgress {
     }
 }
 
-/// Where each line of each channel lies in a block.
+/// Where each line of each channel lies in a chunk.
 struct Lines {
     width: usize,
     bytes_per_pixel: usize,

@@ -1,4 +1,4 @@
-//! Plans the output file: which parts are copied, which are written anew, and what fills their channels.
+//! What the output file will be: which parts are copied, which are written anew, and what fills their channels.
 
 use exr::meta::attribute::{
     ChannelDescription, ChannelList, Compression, LevelMode, LineOrder, SampleType, Text,
@@ -9,8 +9,8 @@ use exr::meta::{BlockDescription, compute_chunk_count};
 use crate::channels::names::ChannelRef;
 use crate::error::Error;
 use crate::exr_file::attributes::{Attributes, FLAG_LONG_NAMES};
-use crate::exr_file::grid::BlockGrid;
-use crate::exr_file::writer::PartPlan;
+use crate::exr_file::grid::ChunkGrid;
+use crate::exr_file::writer::OutputPart;
 use crate::exr_file::{ExrFile, Part};
 
 /// Channel with the estimated mean squared error of each pixel, radiance squared.
@@ -54,7 +54,7 @@ pub struct RewrittenPart {
     /// Its header in the output.
     pub header: Header,
     /// How it is cut in the output.
-    pub grid: BlockGrid,
+    pub grid: ChunkGrid,
     /// What fills each channel.
     pub fills: Vec<Fill>,
 }
@@ -76,24 +76,24 @@ pub struct Rewrite {
     /// The version field.
     pub version: u32,
     /// All parts as they will be written.
-    pub parts: Vec<PartPlan>,
+    pub parts: Vec<OutputPart>,
     /// Those of them that are not copies.
     pub rewritten: Vec<RewrittenPart>,
-    /// The input's row that is the output's first; 0 unless the output is a band of the frame.
+    /// The input's row that is the output's first; 0 unless the output is a band of the image.
     pub first_row: usize,
     /// What a user should know about them.
     pub notes: Vec<String>,
 }
 
 impl Rewrite {
-    /// Plans the output of denoising `colour` and `layers` of `input`. [`Error::Unsupported`] if one of them holds integers.
-    pub fn plan(
+    /// The output of denoising `colour` and `layers` of `input`. [`Error::Unsupported`] if one of them holds integers.
+    pub fn new(
         input: &ExrFile,
         colour: &[ChannelRef; 3],
         layers: &[[ChannelRef; 3]],
         extra: ExtraLayers,
     ) -> Result<Self, Error> {
-        let mut plan = Self {
+        let mut output = Self {
             version: input.version(),
             parts: Vec::new(),
             rewritten: Vec::new(),
@@ -105,7 +105,7 @@ impl Rewrite {
             let count = part.header.channels.list.len();
             let fills: Vec<Fill> = (0..count).map(fill).collect();
             if fills.iter().all(|fill| matches!(fill, Fill::Input(_))) {
-                plan.parts.push(copied(part));
+                output.parts.push(copied(part));
                 continue;
             }
             check_types(input, part, &fills)?;
@@ -114,9 +114,9 @@ impl Rewrite {
             } else {
                 ExtraLayers::default()
             };
-            plan.rewrite(input, part, fills, extra);
+            output.rewrite(input, part, fills, extra);
         }
-        Ok(plan)
+        Ok(output)
     }
 
     fn rewrite(&mut self, input: &ExrFile, part: &Part, fills: Vec<Fill>, extra: ExtraLayers) {
@@ -148,9 +148,9 @@ impl Rewrite {
             self.version |= FLAG_LONG_NAMES;
         }
         let lines = header.compression.scan_lines_per_block();
-        let grid = BlockGrid::new(header.data_window(), header.blocks, lines);
+        let grid = ChunkGrid::new(header.data_window(), header.blocks, lines);
         let chunks = header.chunk_count;
-        self.parts.push(PartPlan {
+        self.parts.push(OutputPart {
             attributes,
             shape: part.shape,
             grid,
@@ -219,7 +219,7 @@ impl Rewrite {
     }
 }
 
-/// The value of the `compression` attribute for zip with 16 rows per block.
+/// The value of the `compression` attribute for zip with 16 rows per chunk.
 const ZIP16_CODE: u8 = 3;
 
 /// Whether DWA puts a channel of this name through its cosine transform; it recognises colours by their last component
@@ -236,8 +236,8 @@ fn dwa_is_lossy_for(channel: &str) -> bool {
     )
 }
 
-fn copied(part: &Part) -> PartPlan {
-    PartPlan {
+fn copied(part: &Part) -> OutputPart {
+    OutputPart {
         attributes: part.attributes.clone(),
         shape: part.shape,
         grid: part.grid,

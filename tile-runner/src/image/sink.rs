@@ -1,6 +1,6 @@
 //! Rows of a denoised image into an EXR file that keeps everything else of the input.
 //!
-//! Only denoised samples are held, until they fill a row of blocks. The input's blocks are then decoded a second time, one at
+//! Only denoised samples are held, until they fill a row of chunks. The input's chunks are then decoded a second time, one at
 //! a time, some sixty rows after the source decoded them: that costs less than holding every channel of those rows.
 
 use std::path::Path;
@@ -30,32 +30,32 @@ pub struct ExrSink {
 }
 
 impl ExrSink {
-    /// Begins the output of `plan`, which was made for `input`. Copies the parts before the first that is written anew. Blocks are coded by
+    /// Begins the output `rewrite`, which was made for `input`. Copies the parts before the first that is written anew. Chunks are coded by
     /// `codec`: the input's, to take turns with what reads it, or one of its own.
     ///
-    /// [`Error::Write`] if the file cannot be created, [`Error::Budget`] if a row of blocks takes more than `limit` bytes,
+    /// [`Error::Write`] if the file cannot be created, [`Error::Budget`] if a row of chunks takes more than `limit` bytes,
     /// [`Error::Cancelled`] once `stop` is set.
     pub fn create(
         path: &Path,
         input: Arc<ExrFile>,
-        plan: Rewrite,
+        rewrite: Rewrite,
         codec: &SharedCodec,
         limit: u64,
         stop: Arc<AtomicBool>,
     ) -> Result<Self, Error> {
-        let parts = plan
+        let parts = rewrite
             .rewritten
             .into_iter()
-            .map(|part| PartInProgress::new(part, &input, codec, plan.first_row, limit))
+            .map(|part| PartInProgress::new(part, &input, codec, rewrite.first_row, limit))
             .collect::<Result<Vec<_>, Error>>()?;
         let first = parts.iter().map(|part| part.index()).min().unwrap_or(0);
         let written = |index: usize| parts.iter().any(|part| part.index() == index);
-        let copies: Vec<usize> = (first..plan.parts.len())
+        let copies: Vec<usize> = (first..rewrite.parts.len())
             .filter(|&index| !written(index))
             .collect();
-        let writer = ExrWriter::create(path, plan.version, plan.parts)?;
+        let writer = ExrWriter::create(path, rewrite.version, rewrite.parts)?;
         let mut sink = Self {
-            first_row: plan.first_row,
+            first_row: rewrite.first_row,
             input,
             writer,
             parts,
@@ -82,7 +82,7 @@ impl ExrSink {
     /// Copies those chunks of a part that lie in the output's rows.
     fn copy_part(&mut self, part: usize) -> Result<(), Error> {
         let grid = self.input.parts()[part].grid;
-        let before = grid.block_row(self.first_row) * grid.columns();
+        let before = grid.chunk_row(self.first_row) * grid.columns();
         let wanted = before..before + self.writer.chunks(part);
         for index in self.input.chunks_in_file_order(part) {
             if !wanted.contains(&index) {
@@ -102,7 +102,7 @@ impl RowSink for ExrSink {
     fn write_row(&mut self, y: usize, row: &OutputRow) -> Result<(), Error> {
         for part in &mut self.parts {
             self.clamped += part.take_row(y, row);
-            part.write_full_blocks(y, &mut self.writer)?;
+            part.write_full_chunks(y, &mut self.writer)?;
         }
         Ok(())
     }

@@ -19,7 +19,7 @@ const ALBEDO: usize = 3;
 /// Where the depth is.
 const DEPTH: usize = 6;
 
-/// Reads [`InputRow`]s from the channels that have been given roles. Holds one row of decoded blocks for every part in use.
+/// Reads [`InputRow`]s from the channels that have been given roles. Holds one row of decoded chunks for every part in use.
 #[derive(Debug)]
 pub struct ExrSource {
     planes: Planes,
@@ -35,7 +35,7 @@ pub struct ExrSource {
 impl ExrSource {
     /// A source for `roles`, with `layers` to be denoised beside the colour. `files` are those that the roles refer to.
     ///
-    /// [`Error::Unsupported`] if a part in use cannot be decoded, [`Error::Budget`] if a row of its blocks takes more than
+    /// [`Error::Unsupported`] if a part in use cannot be decoded, [`Error::Budget`] if a row of its chunks takes more than
     /// `limit` bytes.
     pub fn new(
         files: &[Arc<ExrFile>],

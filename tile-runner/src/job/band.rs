@@ -1,7 +1,7 @@
-//! A band of a frame: what one of several machines denoises, to be stitched together without decoding.
+//! A band of an image: what one of several machines denoises, to be stitched together without decoding.
 //!
-//! A band's rows begin and end on blocks of the file. It is computed from more rows than it writes, beginning on a row of
-//! cells of the whole frame, so that every pixel comes out with the bits that the whole frame would have given it.
+//! A band's rows begin and end on chunks of the file. It is computed from more rows than it writes, beginning on a row of
+//! cells of the whole image, so that every pixel comes out with the bits that the whole image would have given it.
 
 use std::ops::Range;
 
@@ -15,7 +15,7 @@ use crate::image::rewrite::Rewrite;
 use crate::row::{InputRow, OutputRow, RowLayout, RowSink, RowSource};
 use crate::stream::pipeline;
 
-/// Attribute of a band: the data window of the whole frame.
+/// Attribute of a band: the data window of the whole image.
 pub const WHOLE_ATTRIBUTE: &str = "linpredFrameWindow";
 /// Attribute of a band: which one it is, such as `2/4`.
 pub const BAND_ATTRIBUTE: &str = "linpredBand";
@@ -49,24 +49,29 @@ impl Band {
         let rows = cut(self.index - 1)..cut(self.index).min(height);
         if rows.is_empty() {
             return Err(Error::Usage(format!(
-                "--band {}/{} is empty: the blocks of the file can be cut every {unit} rows, which makes {pieces} pieces",
+                "--band {}/{} is empty: the chunks of the file can be cut every {unit} rows, which makes {pieces} pieces",
                 self.index, self.count
             )));
         }
         Ok(rows)
     }
 
-    /// Restricts an output to this band; gives the band's rows of the frame.
+    /// Restricts an output to this band; gives the band's rows of the image.
     ///
     /// [`Error::Unsupported`] if a part cannot be cut: it has smaller levels, or another data window than the colour.
-    pub fn restrict(self, plan: &mut Rewrite, input: &ExrFile) -> Result<Range<usize>, Error> {
-        let Some(window) = plan.rewritten.first().map(|part| part.header.data_window()) else {
+    pub fn restrict(self, rewrite: &mut Rewrite, input: &ExrFile) -> Result<Range<usize>, Error> {
+        let Some(window) = rewrite
+            .rewritten
+            .first()
+            .map(|part| part.header.data_window())
+        else {
             return Err(Error::Usage("--band: nothing is denoised".into()));
         };
         let height = window.size.1;
-        for (plan, part) in plan.parts.iter().zip(input.parts()) {
+        for (output, part) in rewrite.parts.iter().zip(input.parts()) {
             let own = part.data_window();
-            if plan.grid.has_levels() || (own.position.1, own.size.1) != (window.position.1, height)
+            if output.grid.has_levels()
+                || (own.position.1, own.size.1) != (window.position.1, height)
             {
                 return Err(Error::Unsupported(format!(
                     "{}: {}: cannot be cut into bands: it has smaller levels, or other rows than the colour",
@@ -75,25 +80,25 @@ impl Band {
                 )));
             }
         }
-        let unit = plan
+        let unit = rewrite
             .parts
             .iter()
-            .map(|part| part.grid.block_height())
+            .map(|part| part.grid.chunk_height())
             .fold(1, |a, b| lcm(a, b, height));
         let rows = self.rows(height, unit)?;
         let label = format!("{}/{}", self.index, self.count).into_bytes();
-        for part in &mut plan.parts {
+        for part in &mut rewrite.parts {
             part.grid = part.grid.restricted(rows.start, rows.len());
             part.chunks = part.grid.rows() * part.grid.columns();
             restrict_attributes(&mut part.attributes, &rows, part.chunks);
             part.attributes.set(BAND_ATTRIBUTE, "string", label.clone());
         }
-        for part in &mut plan.rewritten {
+        for part in &mut rewrite.rewritten {
             part.grid = part.grid.restricted(rows.start, rows.len());
             part.header.layer_size.1 = rows.len();
             part.header.own_attributes.layer_position.1 += rows.start as i32;
         }
-        plan.first_row = rows.start;
+        rewrite.first_row = rows.start;
         Ok(rows)
     }
 }
@@ -149,12 +154,12 @@ impl<S: RowSource> BandSource<S> {
         }
     }
 
-    /// The first of its rows, in the frame.
+    /// The first of its rows, in the image.
     pub fn first(&self) -> usize {
         self.rows.start
     }
 
-    /// The source of the whole frame.
+    /// The source of the whole image.
     pub fn inner(&self) -> &S {
         &self.inner
     }
@@ -163,7 +168,7 @@ impl<S: RowSource> BandSource<S> {
 impl<S: RowSource> RowSource for BandSource<S> {
     fn layout(&self) -> RowLayout {
         let layout = self.inner.layout();
-        // not empty, and no larger than the frame
+        // not empty, and no larger than the image
         let size = ImageSize::new(layout.size.width(), self.rows.len()).unwrap_or(layout.size);
         RowLayout { size, ..layout }
     }

@@ -143,6 +143,6 @@ impl Input {
     /// The output file that denoising it makes.
     pub(crate) fn rewrite(&self, extra: ExtraLayers) -> Result<Rewrite, Error> {
         let layers: Vec<_> = self.layers.iter().map(|layer| layer.channels).collect();
-        Rewrite::plan(self.file(), &self.roles.colour, &layers, extra)
+        Rewrite::new(self.file(), &self.roles.colour, &layers, extra)
     }
 }

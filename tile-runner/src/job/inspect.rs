@@ -29,8 +29,8 @@ pub struct PartInfo {
     pub origin: [i32; 2],
     /// Compression.
     pub compression: String,
-    /// Scanline blocks or tiles, and their size.
-    pub blocks: String,
+    /// Scanline chunks or tiles, and their size.
+    pub chunks: String,
     /// Names and sample types of the channels.
     pub channels: Vec<String>,
     /// Why its pixels cannot be decoded, if they cannot.
@@ -128,8 +128,8 @@ pub fn survey(
 
 /// Why an input whose roles are known cannot be denoised, if it cannot.
 fn obstacle(input: &Input) -> Option<Error> {
-    let planned = input.rewrite(ExtraLayers::default()).err();
-    planned.or_else(|| input.source(DEFAULT_MEMORY_LIMIT).err())
+    let refused = input.rewrite(ExtraLayers::default()).err();
+    refused.or_else(|| input.source(DEFAULT_MEMORY_LIMIT).err())
 }
 
 /// The description of a file without roles.
@@ -152,11 +152,11 @@ pub fn describe(input: &Input) -> Inspection {
     let rewritten = |part: &Part| {
         rewrite
             .as_ref()
-            .is_ok_and(|plan| plan.rewritten.iter().any(|r| r.index == part.index))
+            .is_ok_and(|output| output.rewritten.iter().any(|r| r.index == part.index))
     };
     let mut notes = roles.notes.clone();
-    if let Ok(plan) = &rewrite {
-        notes.extend(plan.notes.iter().cloned());
+    if let Ok(output) = &rewrite {
+        notes.extend(output.notes.iter().cloned());
     }
     let features = [
         ("albedo", roles.albedo.is_none()),
@@ -239,7 +239,7 @@ fn variance_in_words(roles: &Roles) -> String {
 
 fn part_info(part: &Part, passed_through: bool) -> PartInfo {
     let grid = &part.grid;
-    let blocks = match grid.tiled() {
+    let chunks = match grid.tiled() {
         true => {
             let levels = if grid.has_levels() {
                 ", with smaller levels"
@@ -249,7 +249,7 @@ fn part_info(part: &Part, passed_through: bool) -> PartInfo {
             let size = grid.bounds(0, 0).size;
             format!("tiles of {} x {}{levels}", size.0, size.1)
         }
-        false => format!("scanline blocks of {}", grid.block_height()),
+        false => format!("scanline chunks of {}", grid.chunk_height()),
     };
     let channels = (part.header.channels.list.iter())
         .map(|channel| format!("{} ({})", channel.name, type_name(channel.sample_type)))
@@ -264,7 +264,7 @@ fn part_info(part: &Part, passed_through: bool) -> PartInfo {
             .compression
             .to_string()
             .replace(" compression", ""),
-        blocks,
+        chunks,
         channels,
         refusal: part.refusal.as_ref().map(ToString::to_string),
         passed_through,
@@ -289,7 +289,7 @@ impl fmt::Display for Inspection {
                 "  {}: {} x {} at ({}, {})",
                 part.label, part.width, part.height, part.origin[0], part.origin[1]
             )?;
-            write!(f, ", {} compression, {}", part.compression, part.blocks)?;
+            write!(f, ", {} compression, {}", part.compression, part.chunks)?;
             writeln!(
                 f,
                 "{}",

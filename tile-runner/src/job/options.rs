@@ -13,6 +13,6 @@ pub struct JobOptions {
     pub extra: ExtraLayers,
     /// Bytes of memory that may be used.
     pub memory_limit: u64,
-    /// Only this band of the frame.
+    /// Only this band of the image.
     pub band: Option<Band>,
 }

@@ -7,7 +7,7 @@ use exr::meta::attribute::Compression;
 
 use crate::error::Error;
 use crate::exr_file::Part;
-use crate::exr_file::compression::{blocks_while_coding, coded_at_once};
+use crate::exr_file::compression::{chunks_while_coding, coded_at_once};
 use crate::image::rewrite::{Fill, Rewrite};
 use crate::job::input::Input;
 use crate::job::memory::MemoryPlan;
@@ -27,7 +27,7 @@ pub struct Schedule {
     pub threads: NonZeroUsize,
     /// Rows read ahead, and rows waiting to be written; with 0 one thread reads, computes and writes in turn.
     pub rows_in_flight: usize,
-    /// Whether blocks are decoded and encoded at once, each with working memory of its own, or in turn.
+    /// Whether chunks are decoded and encoded at once, each with working memory of its own, or in turn.
     pub codes_at_once: bool,
 }
 
@@ -106,7 +106,7 @@ fn may_code_at_once(input: &Input, rewrite: &Rewrite) -> bool {
         .all(|header| coded_at_once(header.compression))
 }
 
-/// What denoising `input` will hold in memory: file blocks, and the pipeline's bands of rows.
+/// What denoising `input` will hold in memory: file chunks, and the pipeline's bands of rows.
 pub(super) fn memory_plan(input: &Input, rewrite: &Rewrite, schedule: Schedule) -> MemoryPlan {
     let mut plan = MemoryPlan::default();
     plan.add("the program", PROGRAM);
@@ -170,7 +170,7 @@ fn add_reading(plan: &mut MemoryPlan, input: &Input) {
             .map(|&channel| list[channel].sample_type.bytes_per_sample())
             .sum();
         let pixel = part.header.channels.bytes_per_pixel.max(1) as u64;
-        let bytes = part.block_row_bytes() / pixel * kept as u64;
+        let bytes = part.chunk_row_bytes() / pixel * kept as u64;
         let what = format!("{} of the channels of {}", channels.len(), describe(part));
         plan.add(format!("reading {what}"), bytes);
     }
@@ -215,38 +215,38 @@ fn add_coding(plan: &mut MemoryPlan, input: &Input, written: &[&Part], at_once: 
     }
 }
 
-/// Working memory to code a block of a part as it is in the input. A part that is written with another compression than its own is
+/// Working memory to code a chunk of a part as it is in the input. A part that is written with another compression than its own is
 /// written with zip, which takes less.
 fn coding_bytes(part: &Part) -> u64 {
-    let blocks = blocks_while_coding(part.header.compression);
-    part.block_bytes().saturating_mul(blocks)
+    let chunks = chunks_while_coding(part.header.compression);
+    part.chunk_bytes().saturating_mul(chunks)
 }
 
 fn add_writing(plan: &mut MemoryPlan, input: &Input, rewrite: &Rewrite) {
     for part in &rewrite.rewritten {
         let source = &input.file().parts()[part.index];
         let (width, height) = (part.header.layer_size.0, part.header.layer_size.1);
-        let rows = part.grid.block_height().min(height) as u64;
+        let rows = part.grid.chunk_height().min(height) as u64;
         let pixels = rows.saturating_mul(width as u64);
         plan.add(
             format!("denoised rows of {}", source.label()),
             pixels.saturating_mul(part.denoised_bytes()),
         );
         let new = &part.header.channels;
-        let block = pixels
+        let chunk = pixels
             .saturating_mul(new.bytes_per_pixel as u64)
             .div_ceil(part.grid.columns() as u64);
         let keeps = part.fills.iter().any(|f| matches!(f, Fill::Input(_)));
         let old = match (
             keeps,
-            source.grid.block_height() == part.grid.block_height(),
+            source.grid.chunk_height() == part.grid.chunk_height(),
         ) {
             (false, _) => 0,
-            (true, false) => source.block_row_bytes(),
+            (true, false) => source.chunk_row_bytes(),
             (true, true) if source.header.channels == *new => 0,
-            (true, true) => source.block_bytes(),
+            (true, true) => source.chunk_bytes(),
         };
-        let bytes = block.saturating_add(old);
+        let bytes = chunk.saturating_add(old);
         plan.add(format!("writing {}", describe(source)), bytes);
     }
 }
@@ -258,9 +258,9 @@ fn describe(part: &Part) -> String {
         other => other.to_string().replace(" compression", ""),
     };
     format!(
-        "{} ({compression}, blocks of {} rows x {} channels)",
+        "{} ({compression}, chunks of {} rows x {} channels)",
         part.label(),
-        part.grid.block_height().min(part.header.layer_size.1),
+        part.grid.chunk_height().min(part.header.layer_size.1),
         part.header.channels.list.len()
     )
 }

@@ -1,22 +1,22 @@
-//! Bands into a frame, without decoding them.
+//! Bands into an image, without decoding them.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::error::Error;
 use crate::exr_file::attributes::Attributes;
-use crate::exr_file::grid::BlockGrid;
+use crate::exr_file::grid::ChunkGrid;
 use crate::exr_file::output::check_output;
-use crate::exr_file::writer::{ExrWriter, PartPlan};
+use crate::exr_file::writer::{ExrWriter, OutputPart};
 use crate::exr_file::{ExrFile, Part};
 use crate::job::band::{BAND_ATTRIBUTE, WHOLE_ATTRIBUTE};
 
-/// Attributes in which the bands of a frame differ.
+/// Attributes in which the bands of an image differ.
 const OWN_ATTRIBUTES: [&str; 3] = ["dataWindow", "chunkCount", BAND_ATTRIBUTE];
 
-/// Puts the bands of a frame together, in whatever order they are given.
+/// Puts the bands of an image together, in whatever order they are given.
 ///
-/// [`Error::Invalid`] if one is no band, they are not of one frame, rows are missing or doubled; [`Error::Cancelled`] once
+/// [`Error::Invalid`] if one is no band, they are not of one image, rows are missing or doubled; [`Error::Cancelled`] once
 /// `stop` is set.
 pub fn stitch(bands: &[&Path], output: &Path, stop: &AtomicBool) -> Result<(), Error> {
     check_output(output, bands)?;
@@ -28,29 +28,29 @@ pub fn stitch(bands: &[&Path], output: &Path, stop: &AtomicBool) -> Result<(), E
     let Some(first) = files.first() else {
         return Err(Error::Usage("stitch: no bands".into()));
     };
-    let frames = first
+    let wholes = first
         .parts()
         .iter()
-        .map(|part| frame(first, part))
+        .map(|part| whole_part(first, part))
         .collect::<Result<Vec<_>, Error>>()?;
     for file in &files {
         check_alike(first, file)?;
-        for (part, frame) in file.parts().iter().zip(&frames) {
-            check_rows(&files, file, part, frame)?;
+        for (part, whole) in file.parts().iter().zip(&wholes) {
+            check_rows(&files, file, part, whole)?;
         }
     }
-    let plans = first
+    let parts = first
         .parts()
         .iter()
-        .zip(&frames)
-        .map(|(part, frame)| frame.plan(part))
+        .zip(&wholes)
+        .map(|(part, whole)| whole.output(part))
         .collect();
-    let mut writer = ExrWriter::create(output, first.version(), plans)?;
-    for (part, frame) in frames.iter().enumerate() {
+    let mut writer = ExrWriter::create(output, first.version(), parts)?;
+    for (part, whole) in wholes.iter().enumerate() {
         for file in &files {
             let described = &file.parts()[part];
-            let above = (top(described) - frame.top) as usize;
-            let before = frame.grid.block_row(above) * frame.grid.columns();
+            let above = (top(described) - whole.top) as usize;
+            let before = whole.grid.chunk_row(above) * whole.grid.columns();
             for index in file.chunks_in_file_order(part) {
                 if stop.load(Ordering::Relaxed) {
                     return Err(Error::Cancelled);
@@ -67,16 +67,16 @@ fn top(part: &Part) -> i64 {
     i64::from(part.data_window().position.1)
 }
 
-/// A part of the whole frame.
-struct Frame {
+/// A part of the whole image.
+struct WholePart {
     top: i64,
     rows: usize,
-    grid: BlockGrid,
+    grid: ChunkGrid,
     window: Vec<u8>,
 }
 
-impl Frame {
-    fn plan(&self, part: &Part) -> PartPlan {
+impl WholePart {
+    fn output(&self, part: &Part) -> OutputPart {
         let mut attributes = part.attributes.clone();
         let chunks = self.grid.rows() * self.grid.columns();
         attributes.remove(BAND_ATTRIBUTE);
@@ -85,7 +85,7 @@ impl Frame {
         if attributes.int("chunkCount").is_some() {
             attributes.set("chunkCount", "int", (chunks as i32).to_le_bytes().to_vec());
         }
-        PartPlan {
+        OutputPart {
             attributes,
             shape: part.shape,
             grid: self.grid,
@@ -94,8 +94,8 @@ impl Frame {
     }
 }
 
-/// The frame that the first band, which is the topmost, says it is of.
-fn frame(file: &ExrFile, part: &Part) -> Result<Frame, Error> {
+/// The part that the first band, which is the topmost, says it is of.
+fn whole_part(file: &ExrFile, part: &Part) -> Result<WholePart, Error> {
     let no_band = || {
         Error::Invalid(format!(
             "{}: {}: is no band (it has no attribute {WHOLE_ATTRIBUTE}); bands are made by denoise --band",
@@ -117,14 +117,14 @@ fn frame(file: &ExrFile, part: &Part) -> Result<Frame, Error> {
     let rows = usize::try_from(last - first + 1).map_err(|_| no_band())?;
     if rows < part.header.layer_size.1 || top(part) != first || part.grid.has_levels() {
         return Err(Error::Invalid(format!(
-            "{}: {}: the topmost band begins at row {}, the frame at row {first}",
+            "{}: {}: the topmost band begins at row {}, the whole image at row {first}",
             file.path().display(),
             part.label(),
             top(part)
         )));
     }
-    // as many blocks as the bands have between them: no more than their files could hold
-    Ok(Frame {
+    // as many chunks as the bands have between them: no more than their files could hold
+    Ok(WholePart {
         top: first,
         rows,
         grid: part.grid.restricted(0, rows),
@@ -132,7 +132,7 @@ fn frame(file: &ExrFile, part: &Part) -> Result<Frame, Error> {
     })
 }
 
-/// Bands of one frame have the same parts with the same attributes but for those that tell the bands apart.
+/// Bands of one image have the same parts with the same attributes but for those that tell the bands apart.
 fn check_alike(first: &ExrFile, file: &ExrFile) -> Result<(), Error> {
     let common = |attributes: &Attributes| {
         let mut attributes = attributes.clone();
@@ -150,28 +150,33 @@ fn check_alike(first: &ExrFile, file: &ExrFile) -> Result<(), Error> {
     match alike {
         true => Ok(()),
         false => Err(Error::Invalid(format!(
-            "{} and {} are not bands of one frame: their parts or attributes differ",
+            "{} and {} are not bands of one image: their parts or attributes differ",
             first.path().display(),
             file.path().display()
         ))),
     }
 }
 
-/// Each band begins where the one above it ends, on a block, and the last ends where the frame does.
-fn check_rows(files: &[ExrFile], file: &ExrFile, part: &Part, frame: &Frame) -> Result<(), Error> {
+/// Each band begins where the one above it ends, on a chunk, and the last ends where the whole image does.
+fn check_rows(
+    files: &[ExrFile],
+    file: &ExrFile,
+    part: &Part,
+    whole: &WholePart,
+) -> Result<(), Error> {
     let end = |part: &Part| top(part) + part.header.layer_size.1 as i64;
-    let frame_end = frame.top + frame.rows as i64;
+    let whole_end = whole.top + whole.rows as i64;
     let below = files
         .iter()
         .skip_while(|other| !std::ptr::eq(*other, file))
         .nth(1);
-    let next = below.map_or(frame_end, |below| top(&below.parts()[part.index]));
+    let next = below.map_or(whole_end, |below| top(&below.parts()[part.index]));
     let problem = if end(part) < next {
         format!("rows {} to {} are in no band", end(part), next - 1)
     } else if end(part) > next {
         format!("rows {next} to {} are in two bands", end(part) - 1)
-    } else if !((top(part) - frame.top) as usize).is_multiple_of(frame.grid.block_height()) {
-        format!("begins inside a block, at row {}", top(part))
+    } else if !((top(part) - whole.top) as usize).is_multiple_of(whole.grid.chunk_height()) {
+        format!("begins inside a chunk, at row {}", top(part))
     } else {
         return Ok(());
     };

@@ -166,7 +166,7 @@ fn checked_variance(variance: f32, value: f32) -> f32 {
     }
 }
 
-/// The rows of the moving band.
+/// The rows that are held.
 pub(crate) struct HeldRows {
     layout: RowLayout,
     colours: RowRing<ColourRow>,

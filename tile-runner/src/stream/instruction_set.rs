@@ -1,6 +1,6 @@
 //! The core's loops, compiled for what the processor has.
 //!
-//! The core is portable code without fused multiply-add, so every level gives the same bits; wider registers only
+//! The core is portable code without fused multiply-add, so every one gives the same bits; wider registers only
 //! make it faster.
 
 use linpred_core::{
@@ -18,7 +18,7 @@ pub(crate) const LANES: usize = 8;
 
 /// An instruction set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Level {
+pub(crate) enum InstructionSet {
     /// What the target always has.
     Baseline,
     /// AVX2.
@@ -29,7 +29,7 @@ pub(crate) enum Level {
     Avx512,
 }
 
-impl Level {
+impl InstructionSet {
     /// The best that this processor has.
     pub(crate) fn detect() -> Self {
         #[cfg(target_arch = "x86_64")]
@@ -49,10 +49,10 @@ impl Level {
     }
 }
 
-/// Defines a method of [`Level`] that runs a core function compiled for the level.
+/// Defines a method of [`InstructionSet`] that runs a core function compiled for that.
 macro_rules! dispatched {
     ($(#[$doc:meta])* $name:ident $([$($generics:tt)*])? ($($arg:ident: $ty:ty),*) -> $out:ty) => {
-        impl Level {
+        impl InstructionSet {
             $(#[$doc])*
             #[cfg_attr(not(target_arch = "x86_64"), inline)]
             pub(crate) fn $name $(<$($generics)*>)? (self, $($arg: $ty),*) -> $out {
@@ -64,7 +64,7 @@ macro_rules! dispatched {
                     fn avx512 $(<$($generics)*>)? ($($arg: $ty),*) -> $out { $name($($arg),*) }
                     match self {
                         Self::Baseline => {}
-                        // SAFETY: `detect` gives these levels only where the processor has their instructions.
+                        // SAFETY: `detect` gives these only where the processor has their instructions.
                         Self::Avx2 => return unsafe { avx2($($arg),*) },
                         // SAFETY: as above.
                         Self::Avx512 => return unsafe { avx512($($arg),*) },
@@ -109,22 +109,23 @@ mod tests {
 
     use super::*;
 
-    /// What this processor has; says which level it lacks, as the harness would hide what is printed.
-    fn levels() -> Vec<Level> {
-        let mut levels = vec![Level::Baseline];
+    /// What this processor has; says which it lacks, as the harness would hide what is printed.
+    fn instruction_sets() -> Vec<InstructionSet> {
+        let mut instruction_sets = vec![InstructionSet::Baseline];
         #[cfg(target_arch = "x86_64")]
         {
-            let avx2 = is_x86_feature_detected!("avx2").then_some(Level::Avx2);
-            let avx512 = (Level::detect() == Level::Avx512).then_some(Level::Avx512);
-            for (name, level) in [("AVX2", avx2), ("AVX-512", avx512)] {
-                if level.is_none() {
+            let avx2 = is_x86_feature_detected!("avx2").then_some(InstructionSet::Avx2);
+            let avx512 = (InstructionSet::detect() == InstructionSet::Avx512)
+                .then_some(InstructionSet::Avx512);
+            for (name, instruction_set) in [("AVX2", avx2), ("AVX-512", avx512)] {
+                if instruction_set.is_none() {
                     let line = format!("NOT TESTED: this processor lacks {name}\n");
                     std::io::stderr().write_all(line.as_bytes()).unwrap();
                 }
-                levels.extend(level);
+                instruction_sets.extend(instruction_set);
             }
         }
-        levels
+        instruction_sets
     }
 
     /// Numbers in 0..1 that look random.
@@ -216,8 +217,8 @@ mod tests {
         tile
     }
 
-    /// The shortest digits that tell floats apart, and the sign of 0: all that the core computes, at one level.
-    fn results(level: Level) -> Vec<String> {
+    /// The shortest digits that tell floats apart, and the sign of 0: all that the core computes, with one.
+    fn results(instruction_set: InstructionSet) -> Vec<String> {
         let mut noise = Noise(1);
         let mut colours = Box::new(ColourBlock::BLACK);
         noise.fill(colours.luminance.as_flattened_mut());
@@ -226,21 +227,21 @@ mod tests {
             *good = if noise.next() < 0.1 { 0.0 } else { 1.0 };
         }
         let mut prepared = Box::new(PreparedBlock::EMPTY);
-        level.prepare(&colours, &mut prepared);
+        instruction_set.prepare(&colours, &mut prepared);
 
         let mut group = Box::new(FeatureGroup::<3>::ZERO);
         noise.fill(group.value.as_flattened_mut().as_flattened_mut());
         noise.fill(group.variance.as_flattened_mut().as_flattened_mut());
         let mut filtered = Box::new(FilteredGroup::ZERO);
-        assert!(level.prefilter(&group, &mut filtered));
+        assert!(instruction_set.prefilter(&group, &mut filtered));
 
         let mut noisy = Box::new(NoisyBlock::BLACK);
         noise.fill(noisy.colour.as_flattened_mut().as_flattened_mut());
         noise.fill(noisy.features.as_flattened_mut().as_flattened_mut());
         let mut of_features = Box::new(NoiseBlock::NONE);
-        level.estimate_feature_noise(&noisy, &mut of_features);
+        instruction_set.estimate_feature_noise(&noisy, &mut of_features);
         let mut of_colour = Box::new(NoiseBlock::NONE);
-        level.estimate_colour_noise(&noisy, &mut of_colour);
+        instruction_set.estimate_colour_noise(&noisy, &mut of_colour);
 
         let mut all = vec![
             format!("{prepared:?}"),
@@ -250,7 +251,7 @@ mod tests {
         let mut scratch = Box::new(Scratch::new());
         for params in [Params::default(), Params::literal()] {
             let mut row = Row::new(&mut noise);
-            level.denoise_cells(&mut row, &params, &mut scratch);
+            instruction_set.denoise_cells(&mut row, &params, &mut scratch);
             assert!(row.models.iter().all(|models| *models > 0));
             all.push(format!("{:?} {:?}", row.models, row.predictions));
             all.push(format!("{:?}", row.layers));
@@ -259,11 +260,11 @@ mod tests {
     }
 
     #[test]
-    fn every_level_gives_the_same_bits() {
-        let expected = results(Level::Baseline);
-        for level in levels() {
-            for (i, (own, expected)) in results(level).iter().zip(&expected).enumerate() {
-                assert!(own == expected, "{level:?} in result {i}");
+    fn every_instruction_set_gives_the_same_bits() {
+        let expected = results(InstructionSet::Baseline);
+        for instruction_set in instruction_sets() {
+            for (i, (own, expected)) in results(instruction_set).iter().zip(&expected).enumerate() {
+                assert!(own == expected, "{instruction_set:?} in result {i}");
             }
         }
     }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use crate::row::{FEATURES, RowLayout, VarianceKind};
 use crate::stream::borders::{copy_mirrored, mirrored};
 use crate::stream::held_rows::HeldRows;
-use crate::stream::instruction_set::Level;
+use crate::stream::instruction_set::InstructionSet;
 
 /// Blocks that each thread estimates before their results are stored.
 const BLOCKS_PER_THREAD: usize = 4;
@@ -53,7 +53,7 @@ impl Missing {
         held: &mut HeldRows,
         layout: &RowLayout,
         rows: Range<usize>,
-        level: Level,
+        instruction_set: InstructionSet,
     ) {
         if self.halo() == 0 {
             return;
@@ -65,7 +65,7 @@ impl Missing {
                 let from: &HeldRows = held;
                 let blocks: Vec<Box<NoiseBlock>> = columns
                     .par_iter()
-                    .map(|&x| self.estimate(from, layout, x, first, level))
+                    .map(|&x| self.estimate(from, layout, x, first, instruction_set))
                     .collect();
                 for (block, &x) in blocks.iter().zip(columns) {
                     self.store(
@@ -85,15 +85,15 @@ impl Missing {
         layout: &RowLayout,
         x: usize,
         y: usize,
-        level: Level,
+        instruction_set: InstructionSet,
     ) -> Box<NoiseBlock> {
         let input = load(held, layout, x, y);
         let mut block = Box::new(NoiseBlock::NONE);
         if self.features.contains(&true) {
-            level.estimate_feature_noise(&input, &mut block);
+            instruction_set.estimate_feature_noise(&input, &mut block);
         }
         if self.colour {
-            level.estimate_colour_noise(&input, &mut block);
+            instruction_set.estimate_colour_noise(&input, &mut block);
         }
         block
     }
@@ -129,7 +129,7 @@ impl Missing {
 fn load(held: &HeldRows, layout: &RowLayout, x: usize, y: usize) -> Box<NoisyBlock> {
     let mut block = Box::new(NoisyBlock::BLACK);
     let size = layout.size;
-    // Rows beyond the halo of those that are wanted may not be held, below the band or mirrored to above it: any will do
+    // Rows beyond the halo of those that are wanted may not be held, below the last or mirrored to above the first: any will do
     // whose neighbours are, from which a missing feature is filled.
     let first = match held.first() {
         0 => 0,

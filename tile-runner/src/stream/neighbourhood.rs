@@ -12,7 +12,7 @@ use crate::stream::prepared_rows::{PreparedRow, PreparedRows};
 /// What a row of cells reads.
 pub(crate) struct Neighbourhood<'a> {
     pub(crate) size: ImageSize,
-    pub(crate) band: &'a HeldRows,
+    pub(crate) held: &'a HeldRows,
     /// From the halo above the cells to the middle row of pixels, and from there to the halo below (see [`prepared_from`]).
     pub(crate) prepared: &'a [PreparedRows; 2],
     pub(crate) row: usize,
@@ -33,7 +33,7 @@ impl Neighbourhood<'_> {
     pub(crate) fn row(&self, y: usize) -> PixelRow<'_> {
         let rows = &self.prepared[(y + PREPARED_ABOVE) / CELL - self.row];
         PixelRow {
-            colours: self.band.colours(y as isize),
+            colours: self.held.colours(y as isize),
             prepared: rows.row((y + PREPARED_ABOVE) % CELL),
         }
     }
@@ -96,7 +96,7 @@ impl Neighbourhood<'_> {
                 .checked_sub(HALO)
                 .filter(|y| *y < self.size.height());
             let Some(y) = y else { continue };
-            let planes = &self.band.colours(y as isize).layers[layer];
+            let planes = &self.held.colours(y as isize).layers[layer];
             for tx in 0..TILE {
                 let x = (column * CELL + tx)
                     .checked_sub(HALO)

@@ -1,4 +1,4 @@
-//! From rows to rows, through a moving band.
+//! From rows to rows, through the few that are held.
 //!
 //! ```text
 //! rows of input           19 k - 9 ................................ 19 (k + 2)     HeldRows (+ 5 to estimate variances)
@@ -19,7 +19,7 @@ use rayon::prelude::*;
 
 use crate::error::Error;
 use crate::row::{OutputRow, RowLayout, RowSink, RowSource};
-use crate::stream::instruction_set::Level;
+use crate::stream::instruction_set::InstructionSet;
 use crate::stream::missing_variances::Missing;
 use crate::stream::preparation::{LOOK_BELOW, Preparation};
 use crate::stream::report::{Counts, Report};
@@ -67,27 +67,27 @@ pub fn denoise(
     progress: &mut dyn FnMut(usize) -> ControlFlow<()>,
 ) -> Result<Report, Error> {
     let pool = pool(options.threads)?;
-    let mut frame = Frame::new(source.layout(), options);
-    let height = frame.layout.size.height();
+    let mut pipeline = Pipeline::new(source.layout(), options);
+    let height = pipeline.layout.size.height();
     for row in 0..height.div_ceil(CELL) {
-        frame.input.read(source, row)?;
-        pool.install(|| frame.compute(row));
+        pipeline.input.read(source, row)?;
+        pool.install(|| pipeline.compute(row));
         let done = if (row + 1) * CELL >= height {
             height
         } else {
             (row + 1) * CELL - HALO
         };
-        frame.write(&pool, sink, row, done, progress)?;
-        frame.advance(row);
+        pipeline.write(&pool, sink, row, done, progress)?;
+        pipeline.advance(row);
     }
-    Ok(frame.report)
+    Ok(pipeline.report)
 }
 
 /// What is in memory of an image.
-struct Frame {
+struct Pipeline {
     layout: RowLayout,
     params: Params,
-    level: Level,
+    instruction_set: InstructionSet,
     input: Preparation,
     cells: CellBenches,
     sums: SumRows,
@@ -97,14 +97,14 @@ struct Frame {
     report: Report,
 }
 
-impl Frame {
+impl Pipeline {
     fn new(layout: RowLayout, options: &Options) -> Self {
-        let (level, threads) = (Level::detect(), options.threads);
+        let (instruction_set, threads) = (InstructionSet::detect(), options.threads);
         Self {
             layout,
             params: options.params,
-            level,
-            input: Preparation::new(layout, threads, level),
+            instruction_set,
+            input: Preparation::new(layout, threads, instruction_set),
             cells: CellBenches::new(&layout, threads),
             sums: SumRows::new(&layout),
             resolved: (0..threads.get() * ROWS_PER_THREAD)
@@ -127,7 +127,9 @@ impl Frame {
         self.input.prepare(row, counts);
         let around = self.input.around(row);
         let sums = &mut self.sums;
-        let predicted = self.cells.predict(&around, &self.params, self.level, sums);
+        let predicted = self
+            .cells
+            .predict(&around, &self.params, self.instruction_set, sums);
         counts.cells += predicted.cells;
         counts.cells_skipped += predicted.skipped;
         self.report.models += predicted.models;

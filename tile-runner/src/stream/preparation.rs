@@ -11,7 +11,7 @@ use crate::error::Error;
 use crate::geometry::plane_bytes;
 use crate::row::{InputRow, RowLayout, RowSource};
 use crate::stream::held_rows::{ColourRow, GuideRow, HeldRows};
-use crate::stream::instruction_set::Level;
+use crate::stream::instruction_set::InstructionSet;
 use crate::stream::missing_variances::Missing;
 use crate::stream::neighbourhood::{Neighbourhood, prepared_from};
 use crate::stream::prepared_rows::{BLOCK_HALO, BlockBench, PreparedRows};
@@ -27,11 +27,11 @@ const GUIDES_ABOVE: usize = BLOCK_HALO - HALO;
 /// What is in memory of an image's input.
 pub(crate) struct Preparation {
     layout: RowLayout,
-    level: Level,
+    instruction_set: InstructionSet,
     missing: Missing,
     /// Rows whose variances are there.
     estimated: usize,
-    band: HeldRows,
+    held: HeldRows,
     /// The two pieces of prepared rows that the current row of cells reads.
     prepared: [PreparedRows; 2],
     benches: Vec<Box<BlockBench>>,
@@ -40,13 +40,17 @@ pub(crate) struct Preparation {
 
 impl Preparation {
     /// Nothing of an image yet, to be prepared on `threads` threads.
-    pub(crate) fn new(layout: RowLayout, threads: NonZeroUsize, level: Level) -> Self {
+    pub(crate) fn new(
+        layout: RowLayout,
+        threads: NonZeroUsize,
+        instruction_set: InstructionSet,
+    ) -> Self {
         Self {
             layout,
-            level,
+            instruction_set,
             missing: Missing::of(&layout),
             estimated: 0,
-            band: HeldRows::new(layout),
+            held: HeldRows::new(layout),
             prepared: std::array::from_fn(|_| PreparedRows::new(&layout)),
             benches: (0..threads.get()).map(|_| BlockBench::new()).collect(),
             input: InputRow::new(&layout),
@@ -72,9 +76,9 @@ impl Preparation {
     /// Reads all that row `row` of cells depends on.
     pub(crate) fn read(&mut self, source: &mut dyn RowSource, row: usize) -> Result<(), Error> {
         let end = needed(row) + self.missing.halo();
-        while self.band.next() < end.min(self.layout.size.height()) {
-            source.read_row(self.band.next(), &mut self.input)?;
-            self.band.push(&self.input);
+        while self.held.next() < end.min(self.layout.size.height()) {
+            source.read_row(self.held.next(), &mut self.input)?;
+            self.held.push(&self.input);
         }
         Ok(())
     }
@@ -87,7 +91,8 @@ impl Preparation {
             let from = prepared_from(piece);
             if from < self.layout.size.height() as isize {
                 let prepared = &mut self.prepared[piece - row];
-                let filled = prepared.fill(&self.band, from, self.level, &mut self.benches);
+                let filled =
+                    prepared.fill(&self.held, from, self.instruction_set, &mut self.benches);
                 counts.feature_blocks += filled.feature_blocks;
                 counts.feature_blocks_skipped += filled.skipped;
             }
@@ -99,14 +104,14 @@ impl Preparation {
         let rows = self.estimated..end.min(self.layout.size.height());
         self.estimated = rows.end;
         self.missing
-            .fill(&mut self.band, &self.layout, rows, self.level);
+            .fill(&mut self.held, &self.layout, rows, self.instruction_set);
     }
 
     /// What row `row` of cells reads.
     pub(crate) fn around(&self, row: usize) -> Neighbourhood<'_> {
         Neighbourhood {
             size: self.layout.size,
-            band: &self.band,
+            held: &self.held,
             prepared: &self.prepared,
             row,
         }
@@ -116,7 +121,7 @@ impl Preparation {
     pub(crate) fn advance(&mut self, row: usize) {
         self.prepared.rotate_left(1);
         let next = (row + 1) * CELL;
-        self.band.drop_before(next - HALO, next - GUIDES_ABOVE);
+        self.held.drop_before(next - HALO, next - GUIDES_ABOVE);
     }
 }
 

@@ -14,14 +14,14 @@ use crate::geometry::plane_bytes;
 use crate::row::{FEATURES, RowLayout};
 use crate::stream::borders::copy_clamped;
 use crate::stream::held_rows::HeldRows;
-use crate::stream::instruction_set::Level;
+use crate::stream::instruction_set::InstructionSet;
 
 /// Rows of input around a row of blocks that it is made of.
 pub(crate) const BLOCK_HALO: usize = PREPARE_HALO;
 // A missing feature is filled from its neighbours, hence the 1.
 const _: () = assert!(
     PREFILTER_HALO < BLOCK_HALO,
-    "the prefilter must not read beyond the band"
+    "the prefilter must not read beyond the rows that are held"
 );
 
 /// What the cells read of 19 rows beside their colour.
@@ -83,9 +83,9 @@ impl PreparedRows {
     /// counts blocks of features.
     pub(crate) fn fill(
         &mut self,
-        band: &HeldRows,
+        held: &HeldRows,
         first_row: isize,
-        level: Level,
+        instruction_set: InstructionSet,
         benches: &mut [Box<BlockBench>],
     ) -> Filled {
         let (width, present) = (self.width, self.present);
@@ -100,12 +100,12 @@ impl PreparedRows {
                     return filled;
                 }
                 let source = Source {
-                    band,
+                    held,
                     width,
                     x,
                     y: first_row,
                 };
-                bench.work_out(&source, &present, level);
+                bench.work_out(&source, &present, instruction_set);
                 filled.count(&present, &bench.filtered);
                 for (row, target) in rows.iter().enumerate() {
                     // A thread that panicked takes the run down with it; the rows are of no use then.
@@ -172,22 +172,27 @@ impl BlockBench {
         })
     }
 
-    fn work_out(&mut self, source: &Source, present: &[bool; GROUPS.len()], level: Level) {
+    fn work_out(
+        &mut self,
+        source: &Source,
+        present: &[bool; GROUPS.len()],
+        instruction_set: InstructionSet,
+    ) {
         source.load_colours(&mut self.colours);
-        level.prepare(&self.colours, &mut self.prepared);
+        instruction_set.prepare(&self.colours, &mut self.prepared);
         let wanted = |g: usize| present[g] && source.is_noisy(&GROUPS[g]);
         self.filtered = [false; GROUPS.len()];
         if wanted(0) {
             source.load_features(&GROUPS[0], &mut self.triple);
-            self.filtered[0] = level.prefilter(&self.triple, &mut self.normal);
+            self.filtered[0] = instruction_set.prefilter(&self.triple, &mut self.normal);
         }
         if wanted(1) {
             source.load_features(&GROUPS[1], &mut self.triple);
-            self.filtered[1] = level.prefilter(&self.triple, &mut self.albedo);
+            self.filtered[1] = instruction_set.prefilter(&self.triple, &mut self.albedo);
         }
         if wanted(2) {
             source.load_features(&GROUPS[2], &mut self.single);
-            self.filtered[2] = level.prefilter(&self.single, &mut self.depth);
+            self.filtered[2] = instruction_set.prefilter(&self.single, &mut self.depth);
         }
     }
 
@@ -216,7 +221,7 @@ impl BlockBench {
                 } else if !own.is_empty() {
                     let y = source.y + row as isize;
                     let own = &mut own[columns.clone()];
-                    source.band.copy_feature(k, source.x as isize, y, own);
+                    source.held.copy_feature(k, source.x as isize, y, own);
                     target.feature_variances[k][columns.clone()].fill(0.0);
                 }
             }
@@ -226,7 +231,7 @@ impl BlockBench {
 
 /// Where a block comes from.
 struct Source<'a> {
-    band: &'a HeldRows,
+    held: &'a HeldRows,
     /// Columns of the image.
     width: usize,
     /// The block's first column and row, which may lie above the image.
@@ -240,7 +245,7 @@ impl Source<'_> {
         let first = self.x as isize - PREPARE_HALO as isize;
         for row in 0..ColourBlock::HEIGHT {
             let y = self.y + row as isize - PREPARE_HALO as isize;
-            let (colours, guides) = (self.band.colours(y), self.band.guides(y));
+            let (colours, guides) = (self.held.colours(y), self.held.guides(y));
             copy_clamped(&guides.luminance, first, &mut block.luminance[row][..WIDTH]);
             copy_clamped(&guides.variance, first, &mut block.variance[row][..WIDTH]);
             copy_clamped(&colours.good, first, &mut block.good[row][..WIDTH]);
@@ -252,7 +257,7 @@ impl Source<'_> {
         let end = self.x + BLOCK_WIDTH + PREFILTER_HALO;
         let columns = self.x.saturating_sub(PREFILTER_HALO)..end.min(self.width);
         self.rows_of_features().any(|y| {
-            let row = self.band.guides(y);
+            let row = self.held.guides(y);
             group.clone().any(|k| row.is_noisy(k, &columns))
         })
     }
@@ -265,10 +270,10 @@ impl Source<'_> {
     fn load_features<const N: usize>(&self, group: &Range<usize>, block: &mut FeatureGroup<N>) {
         let first = self.x as isize - PREFILTER_HALO as isize;
         for (row, y) in self.rows_of_features().enumerate() {
-            let source = self.band.guides(y);
+            let source = self.held.guides(y);
             for (c, k) in group.clone().enumerate() {
                 let value = &mut block.value[c][row][..FeatureGroup::<N>::WIDTH];
-                self.band.copy_feature(k, first, y, value);
+                self.held.copy_feature(k, first, y, value);
                 let variance = &mut block.variance[c][row][..FeatureGroup::<N>::WIDTH];
                 copy_clamped(&source.feature_variances[k], first, variance);
             }

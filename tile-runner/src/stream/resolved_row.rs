@@ -27,7 +27,7 @@ impl ResolvedRow {
     /// The row that came as `row`.
     pub(crate) fn fill(&mut self, row: &PixelRow, sums: &SumRow, formulas: Formulas) {
         self.counts = Counts::default();
-        for (x, sum) in sums.beauty.iter().enumerate() {
+        for (x, sum) in sums.colour.iter().enumerate() {
             let pixel = row.pixel::<0>(x);
             self.counts.add_pixel(pixel.state);
             let denoised = resolve(&pixel, sum, formulas);

@@ -8,7 +8,7 @@ use linpred_core::{CELL, Cells, Formulas, LayerTile, Params, Predictions, Scratc
 use rayon::prelude::*;
 
 use crate::row::RowLayout;
-use crate::stream::instruction_set::{LANES, Level, TILE_FEATURES};
+use crate::stream::instruction_set::{InstructionSet, LANES, TILE_FEATURES};
 use crate::stream::neighbourhood::Neighbourhood;
 use crate::stream::sum_rows::{Adding, SumRows};
 
@@ -50,7 +50,7 @@ impl CellBenches {
         &mut self,
         around: &Neighbourhood,
         params: &Params,
-        level: Level,
+        instruction_set: InstructionSet,
         sums: &mut SumRows,
     ) -> Predicted {
         let row = RowOfCells {
@@ -68,7 +68,7 @@ impl CellBenches {
                 lanes: &mut bench.lanes,
             };
             let started = Instant::now();
-            level.denoise_cells(&mut share, params, &mut bench.scratch);
+            instruction_set.denoise_cells(&mut share, params, &mut bench.scratch);
             started.elapsed()
         });
         let time = times.sum();

@@ -9,7 +9,7 @@ use crate::row::RowLayout;
 
 /// Sums of a row of pixels.
 pub(crate) struct SumRow {
-    pub(crate) beauty: Vec<Sum>,
+    pub(crate) colour: Vec<Sum>,
     /// Of each layer, red green blue.
     pub(crate) layers: Vec<Vec<[f32; 3]>>,
 }
@@ -18,14 +18,14 @@ impl SumRow {
     fn new(layout: &RowLayout) -> Self {
         let width = layout.size.width();
         Self {
-            beauty: vec![Sum::NONE; width],
+            colour: vec![Sum::NONE; width],
             layers: vec![vec![[0.0; 3]; width]; layout.layers],
         }
     }
 
     /// Forgets the predictions.
     pub(crate) fn clear(&mut self) {
-        self.beauty.fill(Sum::NONE);
+        self.colour.fill(Sum::NONE);
         for layer in &mut self.layers {
             layer.fill([0.0; 3]);
         }
@@ -35,7 +35,7 @@ impl SumRow {
     fn add(&mut self, cell: usize, ty: usize, predictions: &Predictions, layers: &[LayerTile]) {
         // of the tile, where the image begins and ends
         let first = HALO.saturating_sub(cell * CELL);
-        let last = TILE.min(self.beauty.len() + HALO - cell * CELL);
+        let last = TILE.min(self.colour.len() + HALO - cell * CELL);
         let from = ty * TILE + first..ty * TILE + last;
         let to = cell * CELL + first - HALO;
         let layers = layers.iter().map(|layer| &layer.sums[from.clone()]);
@@ -44,7 +44,7 @@ impl SumRow {
 
     /// Adds all of `other` and leaves it without predictions.
     pub(crate) fn take(&mut self, other: &mut Self) {
-        self.add_from(0, &other.beauty, other.layers.iter().map(Vec::as_slice));
+        self.add_from(0, &other.colour, other.layers.iter().map(Vec::as_slice));
         other.clear();
     }
 
@@ -52,10 +52,10 @@ impl SumRow {
     fn add_from<'a>(
         &mut self,
         first: usize,
-        beauty: &[Sum],
+        colour: &[Sum],
         layers: impl Iterator<Item = &'a [[f32; 3]]>,
     ) {
-        for (sum, own) in self.beauty[first..].iter_mut().zip(beauty) {
+        for (sum, own) in self.colour[first..].iter_mut().zip(colour) {
             sum.add(own);
         }
         for (sums, layer) in self.layers.iter_mut().zip(layers) {

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::error::Error;
 use crate::row::{FEATURE_NAMES, FEATURES, RowLayout, RowSource};
-use crate::stream::instruction_set::Level;
+use crate::stream::instruction_set::InstructionSet;
 use crate::stream::neighbourhood::Neighbourhood;
 use crate::stream::preparation::Preparation;
 use crate::stream::report::Counts;
@@ -51,7 +51,7 @@ pub fn survey(
     let pool = pool(threads)?;
     let layout = source.layout();
     let height = layout.size.height();
-    let mut input = Preparation::new(layout, threads, Level::detect());
+    let mut input = Preparation::new(layout, threads, InstructionSet::detect());
     let mut found = Findings::new(layout);
     for row in 0..height.div_ceil(CELL) {
         input.read(source, row)?;
@@ -70,10 +70,10 @@ struct Findings {
     layout: RowLayout,
     counts: Counts,
     first_repaired: Option<[usize; 2]>,
-    radiance: Range,
-    variance: Range,
+    radiance: Extremes,
+    variance: Extremes,
     coloured: bool,
-    features: [Range; FEATURES],
+    features: [Extremes; FEATURES],
     features_missing: u64,
 }
 
@@ -86,10 +86,10 @@ impl Findings {
                 ..Counts::default()
             },
             first_repaired: None,
-            radiance: Range::EMPTY,
-            variance: Range::EMPTY,
+            radiance: Extremes::EMPTY,
+            variance: Extremes::EMPTY,
             coloured: false,
-            features: [Range::EMPTY; FEATURES],
+            features: [Extremes::EMPTY; FEATURES],
             features_missing: 0,
         }
     }
@@ -109,7 +109,7 @@ impl Findings {
     }
 
     fn add_colours(&mut self, around: &Neighbourhood, y: usize) {
-        let variances = &around.band.guides(y as isize).variance;
+        let variances = &around.held.guides(y as isize).variance;
         let row = around.row(y);
         for (x, variance) in variances.iter().enumerate() {
             let pixel = row.pixel::<0>(x);
@@ -126,7 +126,7 @@ impl Findings {
     }
 
     fn add_features(&mut self, around: &Neighbourhood, y: usize) {
-        let planes = &around.band.guides(y as isize).features;
+        let planes = &around.held.guides(y as isize).features;
         for (range, plane) in self.features.iter_mut().zip(planes) {
             plane.iter().for_each(|v| range.add(*v));
         }
@@ -157,12 +157,12 @@ impl Findings {
 
 /// From the smallest to the largest of some numbers.
 #[derive(Clone, Copy)]
-struct Range {
+struct Extremes {
     smallest: f32,
     largest: f32,
 }
 
-impl Range {
+impl Extremes {
     const EMPTY: Self = Self {
         smallest: f32::INFINITY,
         largest: f32::NEG_INFINITY,

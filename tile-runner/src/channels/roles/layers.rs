@@ -1,4 +1,4 @@
-//! Colour layers that are denoised with the models of the beauty, chosen by name.
+//! Colour layers that are denoised with the models of the colour, chosen by name.
 
 use wildmatch::WildMatch;
 

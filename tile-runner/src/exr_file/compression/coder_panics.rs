@@ -1,4 +1,4 @@
-//! Panics of the `exr` crate's coders become errors: a block that its author did not think of ends a run in a sentence like any other damage.
+//! Panics of the `exr` crate's coders become errors: a chunk that its author did not think of ends a run in a sentence like any other damage.
 //!
 //! What a coder was given is dropped with it, and it keeps no state of its own, so nothing half-changed is left behind. The panic hook has run by the time
 //! that a panic is caught. The hook belongs to the process and not to a library, so a program says with [`tell_caught_ones_to`] what is to become of

@@ -1,6 +1,6 @@
-//! Guards the `exr` crate against the sizes that a damaged DWA block announces.
+//! Guards the `exr` crate against the sizes that a damaged DWA chunk announces.
 //!
-//! A DWA block begins with eleven 64-bit counters. The crate (1.74.2) allocates what they say before it looks at the data: a few
+//! A DWA chunk begins with eleven 64-bit counters. The crate (1.74.2) allocates what they say before it looks at the data: a few
 //! changed bytes ask for terabytes, and the process aborts. Found by changing bytes of small files at random.
 
 use exr::meta::attribute::IntegerBounds;
@@ -9,7 +9,7 @@ use exr::meta::attribute::IntegerBounds;
 /// coefficients, DC coefficients (`DataSizesSingle` in OpenEXR's `internal_dwa_compressor.h`).
 const DECODED: [usize; 5] = [1, 6, 7, 8, 9];
 
-/// Whether a compressed DWA block of these bounds announces sizes that it can have. A payload too short for its counters is left
+/// Whether a compressed DWA chunk of these bounds announces sizes that it can have. A payload too short for its counters is left
 /// to the decoder.
 pub(crate) fn is_plausible(payload: &[u8], channels: usize, bounds: IntegerBounds) -> bool {
     // the cosine transform works on squares of 8; a run-length code at most doubles its data; a sample has at most 4 bytes

@@ -1,9 +1,9 @@
-//! Decodes and encodes blocks, one at a time.
+//! Decodes and encodes chunks, one at a time.
 //!
 //! All compressions are the `exr` crate's but zip and the encoding of PIZ. Zip is what most renders use: its deflate took three quarters of
 //! the time of reading and writing a file, and its buffers most of the memory. Measured on one megapixel of 26 channels (78 MiB of noise and
 //! features): `miniz_oxide` at level 4, the crate's, 774 ms for 27.1 MB; zlib-rs at level 4 387 ms for 27.5 MB. The buffers
-//! here are used again for every block, and a reader takes no more out of them than the channels that it wants.
+//! here are used again for every chunk, and a reader takes no more out of them than the channels that it wants.
 
 pub mod coder_panics;
 pub(super) mod dwa_leader;
@@ -22,35 +22,35 @@ use predictor::{add_differences, interleave, separate, subtract_neighbours};
 
 /// Deflate level: OpenEXR's own default. Time and size on 26 channels of 512 x 512 pixels at level 1: 105 ms, 14.0 MB; 2: 212 ms, 12.8 MB; 4: 230 ms, 12.7 MB;
 /// 6: 258 ms, 12.7 MB. Other scenes are alike: level 1 is 2.2 to 2.6 times as fast for files 9 to 12 % larger.
-const LEVEL: u32 = 4;
+const DEFLATE_LEVEL: u32 = 4;
 
-/// A codec whose holders take turns, so that no more than one block's worth of working memory is in use between them.
+/// A codec whose holders take turns, so that no more than one chunk's worth of working memory is in use between them.
 #[derive(Clone, Debug, Default)]
-pub struct SharedCodec(Arc<Mutex<BlockCodec>>);
+pub struct SharedCodec(Arc<Mutex<ChunkCodec>>);
 
 impl SharedCodec {
     /// Waits for its turn.
-    pub fn lock(&self) -> MutexGuard<'_, BlockCodec> {
-        // its buffers are filled anew for every block, so a thread that died in one leaves nothing behind
+    pub fn lock(&self) -> MutexGuard<'_, ChunkCodec> {
+        // its buffers are filled anew for every chunk, so a thread that died in one leaves nothing behind
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// Codes one block after another; keeps its buffers and deflate's tables between them.
+/// Codes one chunk after another; keeps its buffers and deflate's tables between them.
 #[derive(Debug)]
-pub struct BlockCodec {
+pub struct ChunkCodec {
     deflate: Compress,
     inflate: Decompress,
     /// The payload that is being decoded.
     pub(super) payload: Vec<u8>,
-    /// A block's bytes at even places, then those at odd places.
+    /// A chunk's bytes at even places, then those at odd places.
     separated: Vec<u8>,
 }
 
-impl Default for BlockCodec {
+impl Default for ChunkCodec {
     fn default() -> Self {
         Self {
-            deflate: Compress::new(flate2::Compression::new(LEVEL), true),
+            deflate: Compress::new(flate2::Compression::new(DEFLATE_LEVEL), true),
             inflate: Decompress::new(true),
             payload: Vec::new(),
             separated: Vec::new(),
@@ -58,33 +58,33 @@ impl Default for BlockCodec {
     }
 }
 
-/// Whether blocks of this compression are coded here, in buffers that are used again.
+/// Whether chunks of this compression are coded here, in buffers that are used again.
 fn is_zip(compression: Compression) -> bool {
     matches!(compression, Compression::ZIP1 | Compression::ZIP16) && cfg!(target_endian = "little")
 }
 
-/// Whether two blocks of this compression may be coded at once: those of zip, whose working memory is two blocks at most. What the others
+/// Whether two chunks of this compression may be coded at once: those of zip, whose working memory is two chunks at most. What the others
 /// take would be too much twice.
 pub(crate) fn coded_at_once(compression: Compression) -> bool {
     is_zip(compression) || compression == Compression::Uncompressed
 }
 
-/// Blocks of working memory that it takes at most to decode or encode one of `compression`, beside the decoded block itself. Counted for zip
+/// Chunks of working memory that it takes at most to decode or encode one of `compression`, beside the decoded chunk itself. Counted for zip
 /// and PIZ; DWA's are measured, and those of the rest are what the `exr` crate copies.
-pub(crate) fn blocks_while_coding(compression: Compression) -> u64 {
+pub(crate) fn chunks_while_coding(compression: Compression) -> u64 {
     match compression {
         // a payload, and the bytes in another order
         Compression::ZIP1 | Compression::ZIP16 => 2,
         Compression::Uncompressed => 1,
         Compression::DWAA(_) | Compression::DWAB(_) => 5,
-        // a payload, words, and the block before the wanted channels are taken out of it
+        // a payload, words, and the chunk before the wanted channels are taken out of it
         Compression::PIZ => 3,
         _ => 3,
     }
 }
 
-impl BlockCodec {
-    /// Decodes the payload of the block `bounds` into `out`: those of its bytes that lie in `wanted`, for each line, for each channel, samples in
+impl ChunkCodec {
+    /// Decodes the payload of the chunk `bounds` into `out`: those of its bytes that lie in `wanted`, for each line, for each channel, samples in
     /// native byte order.
     pub(super) fn decode(
         &mut self,
@@ -102,40 +102,40 @@ impl BlockCodec {
             wanted.for_each(|range| interleave(&self.separated, range, out));
             return Ok(());
         }
-        // the crate makes a new block: do not hold an old one beside it
+        // the crate makes a new chunk: do not hold an old one beside it
         *out = Vec::new();
         let payload = std::mem::take(&mut self.payload);
-        let block = coder_panics::into_error(|| {
+        let chunk = coder_panics::into_error(|| {
             let compression = header.compression;
             compression.decompress_image_section_from_le(header, payload, at_origin(bounds), false)
         })?;
         if kept == length {
-            *out = block;
+            *out = chunk;
             return Ok(());
         }
         out.reserve_exact(kept);
-        wanted.for_each(|range| out.extend_from_slice(&block[range]));
+        wanted.for_each(|range| out.extend_from_slice(&chunk[range]));
         Ok(())
     }
 
-    /// Turns a block into its payload: compressed, or as it is where that is no shorter. `block` holds the samples of `bounds` in
+    /// Turns a chunk into its payload: compressed, or as it is where that is no shorter. `chunk` holds the samples of `bounds` in
     /// native byte order, for each line, for each channel.
     pub fn encode(
         &mut self,
         header: &Header,
-        block: &mut Vec<u8>,
+        chunk: &mut Vec<u8>,
         bounds: IntegerBounds,
     ) -> Result<(), exr::error::Error> {
         if is_zip(header.compression) {
-            self.zip(block);
+            self.zip(chunk);
             return Ok(());
         }
         if header.compression == Compression::PIZ && cfg!(target_endian = "little") {
-            piz::encode(&header.channels.list, bounds, block);
+            piz::encode(&header.channels.list, bounds, chunk);
             return Ok(());
         }
-        let samples = std::mem::take(block);
-        *block = coder_panics::into_error(|| {
+        let samples = std::mem::take(chunk);
+        *chunk = coder_panics::into_error(|| {
             let compression = header.compression;
             compression.compress_image_section_to_le(header, samples, at_origin(bounds))
         })?;
@@ -161,25 +161,25 @@ impl BlockCodec {
         Ok(())
     }
 
-    fn zip(&mut self, block: &mut Vec<u8>) {
-        let length = block.len();
-        separate(block, &mut self.separated);
+    fn zip(&mut self, chunk: &mut Vec<u8>) {
+        let length = chunk.len();
+        separate(chunk, &mut self.separated);
         subtract_neighbours(&mut self.separated);
         self.deflate.reset();
-        block.clear();
+        chunk.clear();
         // writes no more than the capacity
         let status = self
             .deflate
-            .compress_vec(&self.separated, block, FlushCompress::Finish);
-        if !matches!(status, Ok(Status::StreamEnd)) || block.len() >= length {
-            block.clear();
+            .compress_vec(&self.separated, chunk, FlushCompress::Finish);
+        if !matches!(status, Ok(Status::StreamEnd)) || chunk.len() >= length {
+            chunk.clear();
             add_differences(&mut self.separated);
-            interleave(&self.separated, 0..length, block);
+            interleave(&self.separated, 0..length, chunk);
         }
     }
 }
 
-/// The same block at (0, 0). Its place would matter to subsampled channels alone, and the crate asserts that it ends before row 2^30.
+/// The same chunk at (0, 0). Its place would matter to subsampled channels alone, and the crate asserts that it ends before row 2^30.
 fn at_origin(bounds: IntegerBounds) -> IntegerBounds {
     IntegerBounds::new(Vec2(0, 0), bounds.size)
 }
@@ -207,28 +207,28 @@ mod tests {
     }
 
     #[test]
-    fn the_exr_crate_reads_the_blocks_that_are_written_here() {
-        let mut codec = BlockCodec::default();
+    fn the_exr_crate_reads_the_chunks_that_are_written_here() {
+        let mut codec = ChunkCodec::default();
         for (width, height) in [(1, 1), (7, 3), (64, 16), (501, 16)] {
             let header = header(width, height);
             let bounds = IntegerBounds::new(Vec2(0, 0), Vec2(width, height));
             for noisy in [false, true] {
-                let block = bytes(width * height * 6, noisy);
-                let mut payload = block.clone();
+                let chunk = bytes(width * height * 6, noisy);
+                let mut payload = chunk.clone();
                 codec.encode(&header, &mut payload, bounds).unwrap();
-                assert!(payload.len() <= block.len());
+                assert!(payload.len() <= chunk.len());
                 let decoded = Compression::ZIP16
                     .decompress_image_section_from_le(&header, payload, bounds, true)
                     .unwrap();
-                assert_eq!(decoded, block, "{width} x {height}");
+                assert_eq!(decoded, chunk, "{width} x {height}");
             }
         }
     }
 
-    /// The crate asserts that a block is no taller than its compression's; the grid makes none that is.
+    /// The crate asserts that a chunk is no taller than its compression's; the grid makes none that is.
     #[test]
-    fn a_block_on_which_the_exr_crate_panics_is_an_error() {
-        let mut codec = BlockCodec::default();
+    fn a_chunk_on_which_the_exr_crate_panics_is_an_error() {
+        let mut codec = ChunkCodec::default();
         let mut header = header(7, 3);
         header.compression = Compression::RLE;
         let bounds = IntegerBounds::new(Vec2(0, 0), Vec2(7, 3));
@@ -242,18 +242,18 @@ mod tests {
         }
     }
 
-    /// The crate refuses blocks from 2^30 rows on, and panics; a frame may have twice as many.
+    /// The crate refuses chunks from 2^30 rows on, and panics; an image may have twice as many.
     #[test]
-    fn blocks_at_the_end_of_the_tallest_frame_are_coded_like_others() {
-        let mut codec = BlockCodec::default();
+    fn chunks_at_the_end_of_the_tallest_image_are_coded_like_others() {
+        let mut codec = ChunkCodec::default();
         let far = IntegerBounds::new(Vec2(0, i32::MAX - 3), Vec2(7, 3));
         for compression in [Compression::PXR24, Compression::B44, Compression::PIZ] {
             let mut header = header(7, 3);
             header.compression = compression;
-            let block = bytes(7 * 3 * 6, false);
+            let chunk = bytes(7 * 3 * 6, false);
             let near = IntegerBounds::new(Vec2(0, 0), far.size);
             let payloads = [near, far].map(|bounds| {
-                let mut payload = block.clone();
+                let mut payload = chunk.clone();
                 codec.encode(&header, &mut payload, bounds).unwrap();
                 payload
             });
@@ -261,7 +261,7 @@ mod tests {
             let decoded = [near, far].map(|bounds| {
                 codec.payload.clone_from(&payloads[0]);
                 let mut out = Vec::new();
-                let whole = std::iter::once(0..block.len());
+                let whole = std::iter::once(0..chunk.len());
                 codec.decode(&header, bounds, whole, &mut out).unwrap();
                 out
             });
@@ -270,21 +270,21 @@ mod tests {
     }
 
     #[test]
-    fn wanted_bytes_of_the_exr_crates_blocks_are_read_here() {
-        let mut codec = BlockCodec::default();
+    fn wanted_bytes_of_the_exr_crates_chunks_are_read_here() {
+        let mut codec = ChunkCodec::default();
         for (width, height) in [(1, 1), (7, 3), (501, 16)] {
             let header = header(width, height);
             let bounds = IntegerBounds::new(Vec2(0, 0), Vec2(width, height));
-            let block = bytes(width * height * 6, false);
+            let chunk = bytes(width * height * 6, false);
             codec.payload = Compression::ZIP16
-                .compress_image_section_to_le(&header, block.clone(), bounds)
+                .compress_image_section_to_le(&header, chunk.clone(), bounds)
                 .unwrap();
-            let wanted = [2 * width..6 * width, block.len() - 2..block.len()];
+            let wanted = [2 * width..6 * width, chunk.len() - 2..chunk.len()];
             let mut read = Vec::new();
             codec
                 .decode(&header, bounds, wanted.clone().into_iter(), &mut read)
                 .unwrap();
-            assert_eq!(read, wanted.map(|range| block[range].to_vec()).concat());
+            assert_eq!(read, wanted.map(|range| chunk[range].to_vec()).concat());
         }
     }
 }

@@ -132,7 +132,7 @@ fn for_each_run(words: &[u16], mut tell: impl FnMut(u16, u64)) {
     }
 }
 
-/// The length of each symbol's code. `None` if one is too long for the format: more words than any block has.
+/// The length of each symbol's code. `None` if one is too long for the format: more words than any chunk has.
 fn lengths(counts: &[u64]) -> Option<Vec<usize>> {
     let mut above = vec![0_usize; counts.len()];
     let leaves = counts.iter().zip(0..).filter(|(count, _)| **count > 0);

@@ -1,7 +1,7 @@
 //! PIZ encoding: a lookup table that closes the gaps between the values that occur, Haar wavelets, Huffman codes.
 //!
-//! The `exr` crate encodes PIZ too, but holds five blocks while it does, where the block and one of words are enough: on a
-//! 4096-wide render that was 25 MiB of a budget of 96. Here the size is counted before a byte is written, so the block
+//! The `exr` crate encodes PIZ too, but holds five chunks while it does, where the chunk and one of words are enough: on a
+//! 4096-wide render that was 25 MiB of a budget of 96. Here the size is counted before a byte is written, so the chunk
 //! itself takes the payload, or stays as it is. Decoding is the crate's.
 //!
 //! The format is OpenEXR's (`ImfPizCompressor.cpp`, `ImfWav.cpp`, `ImfHuf.cpp`).
@@ -14,14 +14,14 @@ use exr::meta::attribute::{ChannelDescription, IntegerBounds};
 use huffman::{Huffman, VALUES};
 use wavelet::Plane;
 
-/// Turns a block into its payload, or leaves it as it is where that would be no shorter. `block` holds the samples of `bounds`, for
+/// Turns a chunk into its payload, or leaves it as it is where that would be no shorter. `chunk` holds the samples of `bounds`, for
 /// each line, for each channel, little-endian. Works in as much memory again.
-pub(super) fn encode(channels: &[ChannelDescription], bounds: IntegerBounds, block: &mut Vec<u8>) {
+pub(super) fn encode(channels: &[ChannelDescription], bounds: IntegerBounds, chunk: &mut Vec<u8>) {
     let (columns, rows) = (bounds.size.0, bounds.size.1);
     let words_per_sample =
         |channel: &ChannelDescription| channel.sample_type.bytes_per_sample() / 2;
     let steps: Vec<usize> = channels.iter().map(words_per_sample).collect();
-    let mut words = split(block, &steps, columns);
+    let mut words = split(chunk, &steps, columns);
     let used = Used::of(&words);
     let last = used.close_gaps(&mut words);
     let mut rest = words.as_mut_slice();
@@ -41,26 +41,26 @@ pub(super) fn encode(channels: &[ChannelDescription], bounds: IntegerBounds, blo
     let Ok(length) = i32::try_from(huffman.bytes()) else {
         return;
     };
-    if bytes >= block.len() {
+    if bytes >= chunk.len() {
         return;
     }
-    block.clear();
+    chunk.clear();
     for end in [used.first, used.last] {
-        block.extend_from_slice(&end.to_le_bytes());
+        chunk.extend_from_slice(&end.to_le_bytes());
     }
-    block.extend_from_slice(stored);
-    block.extend_from_slice(&length.to_le_bytes());
-    huffman.write(&words, block);
+    chunk.extend_from_slice(stored);
+    chunk.extend_from_slice(&length.to_le_bytes());
+    huffman.write(&words, chunk);
 }
 
-/// The block's words, one channel after another. `steps` are the words of a sample of each channel.
-fn split(block: &[u8], steps: &[usize], columns: usize) -> Vec<u16> {
-    let mut words = Vec::with_capacity(block.len() / 2);
+/// The chunk's words, one channel after another. `steps` are the words of a sample of each channel.
+fn split(chunk: &[u8], steps: &[usize], columns: usize) -> Vec<u16> {
+    let mut words = Vec::with_capacity(chunk.len() / 2);
     let line = 2 * columns * steps.iter().sum::<usize>();
     let mut start = 0;
     for step in steps {
         let length = 2 * columns * step;
-        for line in block.chunks_exact(line.max(1)) {
+        for line in chunk.chunks_exact(line.max(1)) {
             let samples = line[start..start + length].chunks_exact(2);
             words.extend(samples.map(|word| u16::from_le_bytes([word[0], word[1]])));
         }
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn the_exr_crate_reads_the_blocks_that_are_written_here() {
+    fn the_exr_crate_reads_the_chunks_that_are_written_here() {
         let contents: [fn(usize) -> u8; 5] = [
             |_| 0,
             |_| 0xff,
@@ -149,18 +149,18 @@ mod tests {
             let header = header(width, height);
             let bounds = IntegerBounds::new(Vec2(0, 0), Vec2(width, height));
             for (which, byte) in contents.iter().enumerate() {
-                let block: Vec<u8> = (0..width * height * 10).map(byte).collect();
-                let mut payload = block.clone();
+                let chunk: Vec<u8> = (0..width * height * 10).map(byte).collect();
+                let mut payload = chunk.clone();
                 encode(&header.channels.list, bounds, &mut payload);
-                assert!(payload.len() <= block.len());
+                assert!(payload.len() <= chunk.len());
                 let theirs = Compression::PIZ
-                    .compress_image_section_to_le(&header, block.clone(), bounds)
+                    .compress_image_section_to_le(&header, chunk.clone(), bounds)
                     .unwrap();
                 assert_eq!(payload.len(), theirs.len(), "{width} x {height}, {which}");
                 let decoded = Compression::PIZ
                     .decompress_image_section_from_le(&header, payload, bounds, true)
                     .unwrap();
-                assert!(decoded == block, "{width} x {height}, {which}");
+                assert!(decoded == chunk, "{width} x {height}, {which}");
             }
         }
     }
