@@ -14,6 +14,7 @@ mod eigen;
 mod equations;
 mod feature_noise;
 mod feature_space;
+mod features;
 mod fit;
 mod float;
 mod lanes;
@@ -35,6 +36,7 @@ pub use blend::{Denoised, LayerTile, Predictions, Sum, resolve, resolve_layer};
 pub use cell::{Cells, Scratch, denoise_cell, denoise_cells};
 pub use eigen::SymmetricEigen;
 pub use feature_space::MAX_TERMS;
+pub use features::{FEATURE_NAMES, FEATURES, Feature, POSITION, TILE_FEATURES};
 pub use noise::{
     NOISE_HALO, NoiseBlock, NoisePlane, NoisyBlock, estimate_colour_noise, estimate_feature_noise,
 };

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use exr::prelude::{AttributeValue, FlatSamples};
-use linpred::Error;
 use linpred::channels::{Count, Mapping, Meaning, Preset, Role, RoleRequest, Variance};
 use linpred::job::{Input, InputRequest};
+use linpred::{Error, Feature};
 use linpred_tests::images::{TestPart, constant, float, half, part, write};
 
 const SIZE: (usize, usize) = (4, 3);
@@ -144,7 +144,7 @@ fn another_view_layers_features_are_not_mixed_in() {
         &names,
         vec![("cycles.Front.samples", text("4"))],
     )]);
-    assert!(input.roles.albedo.is_none());
+    assert!(input.roles.feature(Feature::Albedo).is_none());
 }
 
 #[test]
@@ -343,7 +343,11 @@ fn renderman_arnold_vray_and_tungsten_names_are_known_to_their_presets() {
 #[test]
 fn a_component_of_a_vector_is_not_a_depth() {
     let input = auto(vec![image(&["R", "G", "B", "P.X", "P.Y", "P.Z"], vec![])]);
-    assert!(input.roles.depth.is_none(), "{:?}", input.roles.depth);
+    assert!(
+        input.roles.feature(Feature::Depth).is_none(),
+        "{:?}",
+        input.roles.features
+    );
 }
 
 #[test]
@@ -424,7 +428,7 @@ fn a_feature_of_another_size_is_left_aside_unless_the_user_insists() {
         ..InputRequest::default()
     };
     let input = Input::open(&request(vec![])).unwrap();
-    assert!(input.roles.albedo.is_none());
+    assert!(input.roles.feature(Feature::Albedo).is_none());
     assert!(
         input.roles.notes[0].contains("albedo not used")
             && input.roles.notes[0].contains("data window"),

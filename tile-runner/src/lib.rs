@@ -11,10 +11,8 @@ mod stream;
 
 pub use error::Error;
 pub use geometry::ImageSize;
-pub use linpred_core::{Formulas, Params, Quality};
-pub use row::{
-    FEATURE_NAMES, FEATURES, InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind,
-};
+pub use linpred_core::{FEATURE_NAMES, FEATURES, Feature, Formulas, Params, Quality};
+pub use row::{InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
 pub use stream::pipeline::{Options, denoise};
 pub use stream::report::{Counts, Report};
 pub use stream::{overlap, push, survey};

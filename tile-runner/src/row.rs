@@ -4,21 +4,9 @@
 //! pipeline turns them into [`OutputRow`]s, from top to bottom, for a [`RowSink`]. Neither end knows the
 //! other, and the pipeline knows neither files nor channel names.
 
+use linpred_core::{FEATURES, Feature};
+
 use crate::geometry::{ImageSize, plane_bytes};
-
-/// Features beside the pixel position: normal x y z, albedo r g b, depth.
-pub const FEATURES: usize = 7;
-
-/// Their names, in that order.
-pub const FEATURE_NAMES: [&str; FEATURES] = [
-    "normal x",
-    "normal y",
-    "normal z",
-    "albedo red",
-    "albedo green",
-    "albedo blue",
-    "depth",
-];
 
 /// Where the variance of the colour comes from once a source has turned it into rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,6 +33,13 @@ pub struct RowLayout {
     pub feature_variances: [bool; FEATURES],
     /// Extra colour layers to denoise with the models of the colour.
     pub layers: usize,
+}
+
+impl RowLayout {
+    /// Whether the image has a feature.
+    pub(crate) fn has(&self, feature: Feature) -> bool {
+        self.features[feature.range().start]
+    }
 }
 
 /// One row of input. Every plane has the image's width, but those of features that the image lacks are empty.

@@ -12,6 +12,6 @@ pub(crate) mod variance;
 pub use names::{ChannelNames, ChannelRef, NamedChannel};
 pub use presets::{PRESET_NAMES, Preset, Role};
 pub use roles::layers::Layer;
-pub use roles::{Assignment, Mapping, RoleRequest, Roles};
+pub use roles::{Assignment, FeatureChannels, Mapping, RoleRequest, Roles};
 pub use samples::Samples;
 pub use variance::{Count, Meaning, Variance};

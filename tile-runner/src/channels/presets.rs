@@ -1,5 +1,7 @@
 //! Which channel plays which role, by renderer: one table.
 
+use linpred_core::Feature;
+
 use crate::channels::variance::Meaning;
 
 /// A role that a layer can play.
@@ -60,6 +62,25 @@ impl Role {
             Self::HalfB => "half-b",
             Self::Samples => "samples",
         }
+    }
+
+    /// The role of a feature, and that of its noise.
+    pub const fn of(feature: Feature) -> [Self; 2] {
+        match feature {
+            Feature::Normal => [Self::Normal, Self::NormalVariance],
+            Feature::Albedo => [Self::Albedo, Self::AlbedoVariance],
+            Feature::Depth => [Self::Depth, Self::DepthVariance],
+        }
+    }
+
+    /// The role whose noise this one is.
+    pub(crate) fn mean(self) -> Option<Self> {
+        if self == Self::Variance {
+            return Some(Self::Colour);
+        }
+        let features = Feature::ALL.into_iter().map(Self::of);
+        let mut means = features.filter(|[_, noise]| *noise == self);
+        means.next().map(|[mean, _]| mean)
     }
 
     /// The components that its layer has, best first.

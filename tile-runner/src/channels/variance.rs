@@ -55,33 +55,33 @@ pub enum Count {
     },
 }
 
-/// Where the variance of `N` channels comes from.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Variance<const N: usize> {
+/// Where the variance of some channels comes from, of each in their order.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Variance {
     /// Channels of the file.
     Given {
         /// What they hold.
         meaning: Meaning,
         /// Which they are.
-        channels: [ChannelRef; N],
+        channels: Vec<ChannelRef>,
         /// Samples per pixel; `None` only where the meaning does not need them.
         count: Option<Count>,
     },
     /// Half the difference of two half buffers, squared.
     Halves {
         /// One half of the samples.
-        a: [ChannelRef; N],
+        a: Vec<ChannelRef>,
         /// The other half.
-        b: [ChannelRef; N],
+        b: Vec<ChannelRef>,
     },
     /// The same channels in the image of the other half of the samples: the mean is that of the two images, and half their
     /// difference, squared, its variance.
-    OtherFile([ChannelRef; N]),
+    OtherFile(Vec<ChannelRef>),
     /// Nothing: estimated from the picture (colour) or taken as free of noise (features).
     None,
 }
 
-impl<const N: usize> Variance<N> {
+impl Variance {
     /// Whether there is any.
     pub fn is_known(&self) -> bool {
         !matches!(self, Self::None)
@@ -93,14 +93,14 @@ impl<const N: usize> Variance<N> {
             Self::Given {
                 channels, count, ..
             } => {
-                let mut all = channels.to_vec();
+                let mut all = channels.clone();
                 if let Some(Count::Channel { at, .. }) = count {
                     all.push(*at);
                 }
                 all
             }
             Self::Halves { a, b } => a.iter().chain(b).copied().collect(),
-            Self::OtherFile(twins) => twins.to_vec(),
+            Self::OtherFile(twins) => twins.clone(),
             Self::None => Vec::new(),
         }
     }

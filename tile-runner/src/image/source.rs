@@ -5,30 +5,39 @@ use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
 use crate::channels::names::ChannelRef;
-use crate::channels::roles::Roles;
+use crate::channels::roles::layers::Layer;
+use crate::channels::roles::{FeatureChannels, Roles};
 use crate::channels::variance::{Count, Variance, to_variance_of_mean, variance_from_halves};
 use crate::error::Error;
 use crate::exr_file::{ExrFile, PartRows};
 use crate::geometry::ImageSize;
-use crate::row::{FEATURES, InputRow, RowLayout, RowSource, VarianceKind};
+use linpred_core::{FEATURES, Feature};
 
-/// Where in [`InputRow::features`] the normal begins.
-const NORMAL: usize = 0;
-/// Where the albedo begins.
-const ALBEDO: usize = 3;
-/// Where the depth is.
-const DEPTH: usize = 6;
+use crate::row::{InputRow, RowLayout, RowSource, VarianceKind};
+
+/// Channels, and where their variance comes from.
+#[derive(Clone, Debug)]
+struct Channels {
+    means: Vec<ChannelRef>,
+    variance: Variance,
+}
+
+impl Channels {
+    /// Every channel that is read.
+    fn all(&self) -> impl Iterator<Item = ChannelRef> {
+        let means = self.means.clone().into_iter();
+        means.chain(self.variance.channels())
+    }
+}
 
 /// Reads [`InputRow`]s from the channels that have been given roles. Holds one row of decoded chunks for every part in use.
 #[derive(Debug)]
 pub struct ExrSource {
     planes: Planes,
     layout: RowLayout,
-    colour: ([ChannelRef; 3], Variance<3>),
-    normal: Option<([ChannelRef; 3], Variance<3>)>,
-    albedo: Option<([ChannelRef; 3], Variance<3>)>,
-    depth: Option<([ChannelRef; 1], Variance<1>)>,
-    layers: Vec<([ChannelRef; 3], Variance<3>)>,
+    colour: Channels,
+    features: Vec<(Feature, Channels)>,
+    layers: Vec<Channels>,
     layers_off: u64,
 }
 
@@ -40,7 +49,7 @@ impl ExrSource {
     pub fn new(
         files: &[Arc<ExrFile>],
         roles: &Roles,
-        layers: Vec<([ChannelRef; 3], Variance<3>)>,
+        layers: &[Layer],
         limit: u64,
     ) -> Result<Self, Error> {
         let at = roles.colour[0];
@@ -67,11 +76,12 @@ impl ExrSource {
         let mut source = Self {
             planes: Planes::new(size),
             layout: layout(roles, size, layers.len()),
-            colour: (roles.colour, roles.variance),
-            normal: roles.normal,
-            albedo: roles.albedo,
-            depth: roles.depth,
-            layers,
+            colour: Channels {
+                means: roles.colour.to_vec(),
+                variance: roles.variance.clone(),
+            },
+            features: roles.features.iter().map(feature_channels).collect(),
+            layers: layers.iter().map(layer_channels).collect(),
             layers_off: 0,
         };
         for at in source.channels() {
@@ -87,20 +97,24 @@ impl ExrSource {
 
     /// Every channel that is read.
     fn channels(&self) -> Vec<ChannelRef> {
-        let mut all = Vec::new();
-        let triples = std::iter::once(&self.colour)
-            .chain(&self.normal)
-            .chain(&self.albedo)
-            .chain(&self.layers);
-        for (means, variance) in triples {
-            all.extend(means);
-            all.extend(variance.channels());
-        }
-        if let Some((means, variance)) = &self.depth {
-            all.extend(means);
-            all.extend(variance.channels());
-        }
-        all
+        let features = self.features.iter().map(|(_, channels)| channels);
+        let all = std::iter::once(&self.colour).chain(features);
+        all.chain(&self.layers).flat_map(Channels::all).collect()
+    }
+}
+
+fn feature_channels(found: &FeatureChannels) -> (Feature, Channels) {
+    let channels = Channels {
+        means: found.channels.clone(),
+        variance: found.variance.clone(),
+    };
+    (found.feature, channels)
+}
+
+fn layer_channels(layer: &Layer) -> Channels {
+    Channels {
+        means: layer.channels.to_vec(),
+        variance: layer.variance.clone(),
     }
 }
 
@@ -112,21 +126,10 @@ impl RowSource for ExrSource {
     fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), Error> {
         let planes = &mut self.planes;
         planes.read(&self.colour, y, &mut row.colour, Some(&mut row.variance))?;
-        for (at, feature) in [(NORMAL, &self.normal), (ALBEDO, &self.albedo)] {
-            if let Some(feature) = feature {
-                let (means, variances) = (
-                    &mut row.features[at..at + 3],
-                    &mut row.feature_variances[at..at + 3],
-                );
-                planes.read(feature, y, means, Some(variances))?;
-            }
-        }
-        if let Some(depth) = &self.depth {
-            let (means, variances) = (
-                &mut row.features[DEPTH..],
-                &mut row.feature_variances[DEPTH..],
-            );
-            planes.read(depth, y, means, Some(variances))?;
+        for (feature, channels) in &self.features {
+            let means = &mut row.features[feature.range()];
+            let variances = &mut row.feature_variances[feature.range()];
+            planes.read(channels, y, means, Some(variances))?;
         }
         for (layer, out) in self.layers.iter().zip(&mut row.layers) {
             planes.read(layer, y, out, None)?;
@@ -158,16 +161,14 @@ fn count_off(row: &InputRow) -> u64 {
 pub(crate) fn layout(roles: &Roles, size: ImageSize, layers: usize) -> RowLayout {
     let mut features = [false; FEATURES];
     let mut feature_variances = [false; FEATURES];
-    let mut fill = |range: std::ops::Range<usize>, known: Option<bool>| {
-        features[range.clone()].fill(known.is_some());
-        feature_variances[range].fill(known == Some(true));
-    };
-    fill(NORMAL..ALBEDO, roles.normal.map(|(_, v)| v.is_known()));
-    fill(ALBEDO..DEPTH, roles.albedo.map(|(_, v)| v.is_known()));
-    fill(DEPTH..FEATURES, roles.depth.map(|(_, v)| v.is_known()));
+    for found in &roles.features {
+        let channels = found.feature.range();
+        features[channels.clone()].fill(true);
+        feature_variances[channels].fill(found.variance.is_known());
+    }
     RowLayout {
         size,
-        variance: match roles.variance {
+        variance: match &roles.variance {
             Variance::Given { .. } => VarianceKind::OfMean,
             Variance::Halves { .. } | Variance::OtherFile(_) => VarianceKind::OfHalves,
             Variance::None => VarianceKind::Estimated,
@@ -218,41 +219,41 @@ impl Planes {
         rows.read_row(at.channel, y, out)
     }
 
-    /// Reads row `y` of `N` means and, where wanted and known, of their variances.
-    fn read<const N: usize>(
+    /// Reads row `y` of the means and, where wanted and known, of their variances.
+    fn read(
         &mut self,
-        (channels, variance): &([ChannelRef; N], Variance<N>),
+        channels: &Channels,
         y: usize,
         means: &mut [Vec<f32>],
         variances: Option<&mut [Vec<f32>]>,
     ) -> Result<(), Error> {
-        for k in 0..N {
-            self.plane(channels[k], y, &mut means[k])?;
+        for (at, plane) in channels.means.iter().zip(&mut *means) {
+            self.plane(*at, y, plane)?;
         }
-        if let Variance::OtherFile(twins) = variance {
+        if let Variance::OtherFile(twins) = &channels.variance {
             return self.average(twins, y, means, variances);
         }
         let Some(variances) = variances else {
             return Ok(());
         };
-        match variance {
+        match &channels.variance {
             Variance::Given {
                 meaning,
                 channels,
                 count,
             } => {
                 self.counts(*count, y)?;
-                for k in 0..N {
-                    self.plane(channels[k], y, &mut variances[k])?;
-                    to_variance_of_mean(*meaning, &mut variances[k], &means[k], &self.count);
+                for ((at, variance), mean) in channels.iter().zip(variances).zip(means) {
+                    self.plane(*at, y, variance)?;
+                    to_variance_of_mean(*meaning, variance, mean, &self.count);
                 }
             }
             Variance::Halves { a, b } => {
-                for k in 0..N {
-                    self.plane(a[k], y, &mut variances[k])?;
+                for ((a, b), variance) in a.iter().zip(b).zip(variances) {
+                    self.plane(*a, y, variance)?;
                     let mut other = std::mem::take(&mut self.other);
-                    self.plane(b[k], y, &mut other)?;
-                    variance_from_halves(&mut variances[k], &other);
+                    self.plane(*b, y, &mut other)?;
+                    variance_from_halves(variance, &other);
                     self.other = other;
                 }
             }
@@ -262,16 +263,16 @@ impl Planes {
     }
 
     /// Averages the means with those of the other half, whose difference gives the variances.
-    fn average<const N: usize>(
+    fn average(
         &mut self,
-        twins: &[ChannelRef; N],
+        twins: &[ChannelRef],
         y: usize,
         means: &mut [Vec<f32>],
         mut variances: Option<&mut [Vec<f32>]>,
     ) -> Result<(), Error> {
-        for k in 0..N {
+        for (k, twin) in twins.iter().enumerate() {
             let mut other = std::mem::take(&mut self.other);
-            self.plane(twins[k], y, &mut other)?;
+            self.plane(*twin, y, &mut other)?;
             if let Some(variances) = &mut variances {
                 variances[k].copy_from_slice(&means[k]);
                 variance_from_halves(&mut variances[k], &other);

@@ -110,17 +110,15 @@ fn open(path: &Path, map: &[Mapping], limit: u64) -> Result<(ExrSource, bool), E
     let roles = Roles {
         variance: variance.map_or(Variance::None, |channels| Variance::Given {
             meaning: Meaning::OfMean,
-            channels,
+            channels: channels.to_vec(),
             count: None,
         }),
-        albedo: None,
-        normal: None,
-        depth: None,
+        features: Vec::new(),
         ..input.roles
     };
     let files: Vec<Arc<ExrFile>> = input.names.files().to_vec();
     Ok((
-        ExrSource::new(&files, &roles, Vec::new(), limit)?,
+        ExrSource::new(&files, &roles, &[], limit)?,
         variance.is_some(),
     ))
 }

@@ -111,12 +111,7 @@ impl Input {
 
     /// A source of its rows (see [`ExrSource::new`]).
     pub fn source(&self, limit: u64) -> Result<ExrSource, Error> {
-        let layers = self
-            .layers
-            .iter()
-            .map(|layer| (layer.channels, layer.variance))
-            .collect();
-        ExrSource::new(self.names.files(), &self.roles, layers, limit)
+        ExrSource::new(self.names.files(), &self.roles, &self.layers, limit)
     }
 
     /// A sink for its denoised rows, into the file that [`denoise`](super::denoise) writes.

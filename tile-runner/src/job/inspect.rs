@@ -4,6 +4,7 @@ use std::fmt;
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
+use linpred_core::Feature;
 use serde::Serialize;
 
 use crate::channels::roles::Roles;
@@ -158,11 +159,6 @@ pub fn describe(input: &Input) -> Inspection {
     if let Ok(output) = &rewrite {
         notes.extend(output.notes.iter().cloned());
     }
-    let features = [
-        ("albedo", roles.albedo.is_none()),
-        ("normal", roles.normal.is_none()),
-        ("depth", roles.depth.is_none()),
-    ];
     Inspection {
         path: input.file().path().display().to_string(),
         parts: input
@@ -174,10 +170,10 @@ pub fn describe(input: &Input) -> Inspection {
         roles: role_infos(input),
         samples: roles.samples.as_ref().map(ToString::to_string),
         variance: Some(variance_in_words(roles)),
-        missing: features
+        missing: Feature::ALL
             .into_iter()
-            .filter(|(_, missing)| *missing)
-            .map(|(name, _)| name.to_owned())
+            .filter(|feature| roles.feature(*feature).is_none())
+            .map(|feature| feature.name().to_owned())
             .collect(),
         untouched: untouched(input),
         notes,

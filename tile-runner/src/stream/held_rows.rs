@@ -2,7 +2,9 @@
 
 use std::ops::Range;
 
-use crate::row::{FEATURES, InputRow, RowLayout, VarianceKind};
+use linpred_core::{FEATURES, Feature};
+
+use crate::row::{InputRow, RowLayout, VarianceKind};
 use crate::stream::borders::{clamped, copy_clamped, copy_mirrored, mirrored};
 use crate::stream::row_ring::RowRing;
 
@@ -111,14 +113,14 @@ impl GuideRow {
                 }
             }
         }
-        for k in 0..FEATURES {
-            // Only a depth can be that of no surface.
-            let limit = if k == FEATURES - 1 {
-                NO_SURFACE
-            } else {
-                f32::INFINITY
+        for feature in Feature::ALL {
+            let limit = match feature.is_distance() {
+                true => NO_SURFACE,
+                false => f32::INFINITY,
             };
-            self.fill_feature(k, input, limit);
+            for k in feature.range() {
+                self.fill_feature(k, input, limit);
+            }
         }
     }
 

@@ -5,13 +5,9 @@
 
 use linpred_core::{
     Cells, ColourBlock, FeatureGroup, FilteredGroup, NoiseBlock, NoisyBlock, Params, PreparedBlock,
-    Scratch, denoise_cells, estimate_colour_noise, estimate_feature_noise, prefilter, prepare,
+    Scratch, TILE_FEATURES, denoise_cells, estimate_colour_noise, estimate_feature_noise,
+    prefilter, prepare,
 };
-
-use crate::row::FEATURES;
-
-/// Features of a tile: position, then those of a row.
-pub(crate) const TILE_FEATURES: usize = FEATURES + 2;
 
 /// Cells that a thread denoises side by side: the lanes of the widest registers in double precision.
 pub(crate) const LANES: usize = 8;

@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
-use linpred_core::{BLOCK_HEIGHT, BLOCK_WIDTH, NOISE_HALO, NoiseBlock, NoisyBlock};
+use linpred_core::{BLOCK_HEIGHT, BLOCK_WIDTH, FEATURES, NOISE_HALO, NoiseBlock, NoisyBlock};
 use rayon::prelude::*;
 
-use crate::row::{FEATURES, RowLayout, VarianceKind};
+use crate::row::{RowLayout, VarianceKind};
 use crate::stream::borders::{copy_mirrored, mirrored};
 use crate::stream::held_rows::HeldRows;
 use crate::stream::instruction_set::InstructionSet;

@@ -2,11 +2,13 @@
 
 use std::ops::Range;
 
-use linpred_core::{CELL, Formulas, HALO, LayerTile, Pixel, PixelState, TILE, TILE_AREA, Tile};
+use linpred_core::{
+    CELL, Formulas, HALO, LayerTile, POSITION, Pixel, PixelState, TILE, TILE_AREA, TILE_FEATURES,
+    Tile,
+};
 
 use crate::geometry::ImageSize;
 use crate::stream::held_rows::{ColourRow, HeldRows};
-use crate::stream::instruction_set::TILE_FEATURES;
 use crate::stream::prepared_rows::{PreparedRow, PreparedRows};
 
 /// What a row of cells reads.
@@ -169,10 +171,10 @@ impl PixelRow<'_> {
                 (values.get(columns.clone()), noise.get(columns.clone()))
             {
                 for (pixel, value) in pixels.iter_mut().zip(values) {
-                    pixel.features[k + 2] = *value;
+                    pixel.features[POSITION + k] = *value;
                 }
                 for (variance, value) in variances.iter_mut().zip(noise) {
-                    variance[k + 2] = *value;
+                    variance[POSITION + k] = *value;
                 }
             }
         }

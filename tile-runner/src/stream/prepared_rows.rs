@@ -5,13 +5,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use linpred_core::{
-    BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane, ColourBlock, FeatureGroup, FilteredGroup,
-    PREFILTER_HALO, PREPARE_HALO, PreparedBlock,
+    BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane, ColourBlock, FEATURES, Feature, FeatureGroup,
+    FilteredGroup, PREFILTER_HALO, PREPARE_HALO, PreparedBlock,
 };
 use rayon::prelude::*;
 
 use crate::geometry::plane_bytes;
-use crate::row::{FEATURES, RowLayout};
+use crate::row::RowLayout;
 use crate::stream::borders::copy_clamped;
 use crate::stream::held_rows::HeldRows;
 use crate::stream::instruction_set::InstructionSet;
@@ -27,8 +27,8 @@ const _: () = assert!(
 /// What the cells read of 19 rows beside their colour.
 pub(crate) struct PreparedRows {
     width: usize,
-    /// Which groups of features the image has.
-    present: [bool; GROUPS.len()],
+    /// Which features the image has.
+    present: PerFeature,
     rows: Vec<PreparedRow>,
 }
 
@@ -60,8 +60,7 @@ impl PreparedRows {
     pub(crate) fn new(layout: &RowLayout) -> Self {
         Self {
             width: layout.size.width(),
-            // a group is there if its first feature is
-            present: GROUPS.map(|group| layout.features[group.start]),
+            present: Feature::ALL.map(|feature| layout.has(feature)),
             rows: (0..BLOCK_HEIGHT)
                 .map(|_| PreparedRow::new(layout))
                 .collect(),
@@ -118,10 +117,10 @@ impl PreparedRows {
     }
 }
 
-/// Features that are filtered together: normal, albedo, depth.
-const GROUPS: [Range<usize>; 3] = [0..3, 3..6, 6..7];
+/// Whether something holds, of each feature.
+type PerFeature = [bool; Feature::ALL.len()];
 
-/// What filling rows took, in blocks of features, one for each group.
+/// What filling rows took, in blocks of features.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Filled {
     pub(crate) feature_blocks: u64,
@@ -130,7 +129,7 @@ pub(crate) struct Filled {
 }
 
 impl Filled {
-    fn count(&mut self, present: &[bool; GROUPS.len()], filtered: &[bool; GROUPS.len()]) {
+    fn count(&mut self, present: &PerFeature, filtered: &PerFeature) {
         for (present, filtered) in present.iter().zip(filtered) {
             self.feature_blocks += u64::from(*present);
             self.skipped += u64::from(*present && !filtered);
@@ -151,11 +150,36 @@ pub(crate) struct BlockBench {
     triple: FeatureGroup<3>,
     single: FeatureGroup<1>,
     prepared: PreparedBlock,
-    normal: FilteredGroup<3>,
-    albedo: FilteredGroup<3>,
-    depth: FilteredGroup<1>,
-    /// Which of the groups had noise; the others' results are not there.
-    filtered: [bool; GROUPS.len()],
+    results: [Filtered; Feature::ALL.len()],
+    /// Which features had noise; the others' results are not there.
+    filtered: PerFeature,
+}
+
+/// A feature in one channel or three.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is one for each feature: 14 KiB of a thread that a depth does not fill"
+)]
+enum Filtered {
+    One(FilteredGroup<1>),
+    Three(FilteredGroup<3>),
+}
+
+impl Filtered {
+    fn new(feature: Feature) -> Self {
+        match feature.channels() {
+            [_] => Self::One(FilteredGroup::ZERO),
+            _ => Self::Three(FilteredGroup::ZERO),
+        }
+    }
+
+    /// Values and variances of its channels.
+    fn planes(&self) -> (&[BlockPlane], &[BlockPlane]) {
+        match self {
+            Self::One(group) => (&group.value, &group.variance),
+            Self::Three(group) => (&group.value, &group.variance),
+        }
+    }
 }
 
 impl BlockBench {
@@ -165,34 +189,28 @@ impl BlockBench {
             triple: FeatureGroup::ZERO,
             single: FeatureGroup::ZERO,
             prepared: PreparedBlock::EMPTY,
-            normal: FilteredGroup::ZERO,
-            albedo: FilteredGroup::ZERO,
-            depth: FilteredGroup::ZERO,
-            filtered: [false; GROUPS.len()],
+            results: Feature::ALL.map(Filtered::new),
+            filtered: [false; Feature::ALL.len()],
         })
     }
 
-    fn work_out(
-        &mut self,
-        source: &Source,
-        present: &[bool; GROUPS.len()],
-        instruction_set: InstructionSet,
-    ) {
+    fn work_out(&mut self, source: &Source, present: &PerFeature, instruction_set: InstructionSet) {
         source.load_colours(&mut self.colours);
         instruction_set.prepare(&self.colours, &mut self.prepared);
-        let wanted = |g: usize| present[g] && source.is_noisy(&GROUPS[g]);
-        self.filtered = [false; GROUPS.len()];
-        if wanted(0) {
-            source.load_features(&GROUPS[0], &mut self.triple);
-            self.filtered[0] = instruction_set.prefilter(&self.triple, &mut self.normal);
-        }
-        if wanted(1) {
-            source.load_features(&GROUPS[1], &mut self.triple);
-            self.filtered[1] = instruction_set.prefilter(&self.triple, &mut self.albedo);
-        }
-        if wanted(2) {
-            source.load_features(&GROUPS[2], &mut self.single);
-            self.filtered[2] = instruction_set.prefilter(&self.single, &mut self.depth);
+        for (place, feature) in Feature::ALL.into_iter().enumerate() {
+            let channels = feature.range();
+            self.filtered[place] = present[place]
+                && source.is_noisy(&channels)
+                && match &mut self.results[place] {
+                    Filtered::One(result) => {
+                        source.load_features(&channels, &mut self.single);
+                        instruction_set.prefilter(&self.single, result)
+                    }
+                    Filtered::Three(result) => {
+                        source.load_features(&channels, &mut self.triple);
+                        instruction_set.prefilter(&self.triple, result)
+                    }
+                };
         }
     }
 
@@ -205,15 +223,10 @@ impl BlockBench {
         store(&mut target.weight, &self.prepared.weight);
         store(&mut target.variance, &self.prepared.variance);
         store(&mut target.tolerance, &self.prepared.tolerance);
-        let groups = [
-            (&self.normal.value[..], &self.normal.variance[..]),
-            (&self.albedo.value[..], &self.albedo.variance[..]),
-            (&self.depth.value[..], &self.depth.variance[..]),
-        ];
-        for ((features, filtered), (values, variances)) in
-            GROUPS.into_iter().zip(self.filtered).zip(groups)
-        {
-            for (k, (value, variance)) in features.zip(values.iter().zip(variances)) {
+        let results = self.results.iter().zip(self.filtered);
+        for (feature, (result, filtered)) in Feature::ALL.into_iter().zip(results) {
+            let (values, variances) = result.planes();
+            for (k, (value, variance)) in feature.range().zip(values.iter().zip(variances)) {
                 let own = &mut target.features[k];
                 if filtered {
                     store(own, value);
@@ -252,13 +265,13 @@ impl Source<'_> {
         }
     }
 
-    /// Whether a feature of the group may have a variance in the block or its halo.
-    fn is_noisy(&self, group: &Range<usize>) -> bool {
+    /// Whether one of these channels may have a variance in the block or its halo.
+    fn is_noisy(&self, channels: &Range<usize>) -> bool {
         let end = self.x + BLOCK_WIDTH + PREFILTER_HALO;
         let columns = self.x.saturating_sub(PREFILTER_HALO)..end.min(self.width);
         self.rows_of_features().any(|y| {
             let row = self.held.guides(y);
-            group.clone().any(|k| row.is_noisy(k, &columns))
+            channels.clone().any(|k| row.is_noisy(k, &columns))
         })
     }
 
@@ -267,11 +280,11 @@ impl Source<'_> {
         first..first + FeatureGroup::<1>::HEIGHT as isize
     }
 
-    fn load_features<const N: usize>(&self, group: &Range<usize>, block: &mut FeatureGroup<N>) {
+    fn load_features<const N: usize>(&self, channels: &Range<usize>, block: &mut FeatureGroup<N>) {
         let first = self.x as isize - PREFILTER_HALO as isize;
         for (row, y) in self.rows_of_features().enumerate() {
             let source = self.held.guides(y);
-            for (c, k) in group.clone().enumerate() {
+            for (c, k) in channels.clone().enumerate() {
                 let value = &mut block.value[c][row][..FeatureGroup::<N>::WIDTH];
                 self.held.copy_feature(k, first, y, value);
                 let variance = &mut block.variance[c][row][..FeatureGroup::<N>::WIDTH];

@@ -4,11 +4,13 @@ use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use linpred_core::{CELL, Cells, Formulas, LayerTile, Params, Predictions, Scratch, Tile};
+use linpred_core::{
+    CELL, Cells, Formulas, LayerTile, Params, Predictions, Scratch, TILE_FEATURES, Tile,
+};
 use rayon::prelude::*;
 
 use crate::row::RowLayout;
-use crate::stream::instruction_set::{InstructionSet, LANES, TILE_FEATURES};
+use crate::stream::instruction_set::{InstructionSet, LANES};
 use crate::stream::neighbourhood::Neighbourhood;
 use crate::stream::sum_rows::{Adding, SumRows};
 

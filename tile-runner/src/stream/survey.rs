@@ -4,11 +4,11 @@ use std::fmt;
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
-use linpred_core::{CELL, Formulas, PixelState};
+use linpred_core::{CELL, FEATURE_NAMES, FEATURES, Formulas, PixelState};
 use serde::Serialize;
 
 use crate::error::Error;
-use crate::row::{FEATURE_NAMES, FEATURES, RowLayout, RowSource};
+use crate::row::{RowLayout, RowSource};
 use crate::stream::instruction_set::InstructionSet;
 use crate::stream::neighbourhood::Neighbourhood;
 use crate::stream::preparation::Preparation;

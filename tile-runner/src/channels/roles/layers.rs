@@ -16,7 +16,7 @@ pub struct Layer {
     /// Red, green, blue.
     pub channels: [ChannelRef; 3],
     /// Its own variance is not used; only [`Variance::OtherFile`] matters, for the average of the halves.
-    pub variance: Variance<3>,
+    pub variance: Variance,
 }
 
 /// The layers of file 0 that match one of `patterns` (`*` any text, `?` any letter), with or without what stands before
@@ -84,13 +84,11 @@ fn layer(
             window(roles.colour[0])
         )));
     }
-    let variance = match roles.variance {
+    let variance = match &roles.variance {
         Variance::OtherFile(twins) => {
-            let mut twin_channels = channels;
-            for (twin, &at) in twin_channels.iter_mut().zip(&channels) {
-                *twin = names.twin(at, twins[0].file)?;
-            }
-            Variance::OtherFile(twin_channels)
+            let other = twins[0].file;
+            let twins = channels.iter().map(|at| names.twin(*at, other));
+            Variance::OtherFile(twins.collect::<Result<_, Error>>()?)
         }
         _ => Variance::None,
     };

@@ -7,6 +7,8 @@ mod variances;
 
 pub use mapping::Mapping;
 
+use linpred_core::Feature;
+
 use crate::channels::names::{ChannelNames, ChannelRef};
 use crate::channels::presets::{COMMON, Preset, Role};
 use crate::channels::samples::{self, Samples};
@@ -39,6 +41,17 @@ pub struct Assignment {
     pub rule: String,
 }
 
+/// The channels of a feature, and its noise.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FeatureChannels {
+    /// Which feature.
+    pub feature: Feature,
+    /// As many as it has.
+    pub channels: Vec<ChannelRef>,
+    /// Noise of each.
+    pub variance: Variance,
+}
+
 /// All roles of an input.
 #[derive(Clone, Debug)]
 pub struct Roles {
@@ -47,13 +60,9 @@ pub struct Roles {
     /// The colour; three times the same channel for a mono image.
     pub colour: [ChannelRef; 3],
     /// Noise of the colour.
-    pub variance: Variance<3>,
-    /// Albedo and its noise.
-    pub albedo: Option<([ChannelRef; 3], Variance<3>)>,
-    /// Normal and its noise.
-    pub normal: Option<([ChannelRef; 3], Variance<3>)>,
-    /// Depth and its noise.
-    pub depth: Option<([ChannelRef; 1], Variance<1>)>,
+    pub variance: Variance,
+    /// The features that the image has.
+    pub features: Vec<FeatureChannels>,
     /// Samples per pixel, if anything says.
     pub samples: Option<Samples>,
     /// What was left aside, and why.
@@ -64,6 +73,11 @@ impl Roles {
     /// The assignment of a role.
     pub fn assignment(&self, role: Role) -> Option<&Assignment> {
         self.assignments.iter().find(|a| a.role == role)
+    }
+
+    /// The channels of a feature; `None` if the image lacks it.
+    pub fn feature(&self, feature: Feature) -> Option<&FeatureChannels> {
+        self.features.iter().find(|found| found.feature == feature)
     }
 
     /// Whether the image has one channel.
@@ -202,37 +216,35 @@ impl<'a> Search<'a> {
             &parts,
         );
         let variance = self.colour_variance(colour, samples.as_ref())?;
-        let count = samples.as_ref();
-        let albedo = triple(self.get(Role::Albedo));
-        let albedo = albedo.map(|mean| {
-            (
-                mean,
-                self.feature_variance(Role::AlbedoVariance, &mean, count),
-            )
-        });
-        let normal = triple(self.get(Role::Normal));
-        let normal = normal.map(|mean| {
-            (
-                mean,
-                self.feature_variance(Role::NormalVariance, &mean, count),
-            )
-        });
-        let depth = self.get(Role::Depth).map(|a| [a.channels[0]]);
-        let depth = depth.map(|mean| {
-            (
-                mean,
-                self.feature_variance(Role::DepthVariance, &mean, count),
-            )
-        });
+        let features = Feature::ALL.into_iter();
+        let features = features
+            .filter_map(|feature| self.feature(feature, samples.as_ref()))
+            .collect();
         Ok(Roles {
             colour,
             variance,
-            albedo,
-            normal,
-            depth,
+            features,
             samples,
             assignments: self.found,
             notes: self.notes,
+        })
+    }
+}
+
+impl Search<'_> {
+    /// The channels of a feature; where it has three, a single one stands for all.
+    fn feature(&mut self, feature: Feature, samples: Option<&Samples>) -> Option<FeatureChannels> {
+        let [role, noise] = Role::of(feature);
+        let assignment = self.get(role);
+        let channels = match feature.channels() {
+            [_] => vec![assignment?.channels[0]],
+            _ => triple(assignment)?.to_vec(),
+        };
+        let variance = self.feature_variance(noise, &channels, samples);
+        Some(FeatureChannels {
+            feature,
+            channels,
+            variance,
         })
     }
 }

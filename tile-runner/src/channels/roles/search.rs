@@ -97,7 +97,7 @@ impl<'a> Search<'a> {
                 Some((layer.1, describe_layer(&layer.0)))
             }
             Pattern::Prefixed(prefix) => {
-                let mean = self.get(mean_of(rule.role)?)?;
+                let mean = self.get(rule.role.mean()?)?;
                 let layer = self.layer_of(mean.channels[0]);
                 if layer.is_empty() {
                     return None;
@@ -150,7 +150,7 @@ impl<'a> Search<'a> {
             return by_layer;
         }
         // a scalar may also be a component of its own (`Z`, `dd.T`), but not that of a vector (`N.Z`) or of a noise (`ZVariance.Z`)
-        layers.retain(|layer| mean_of(role).is_some() || !is_noise(layer));
+        layers.retain(|layer| role.mean().is_some() || !is_noise(layer));
         layers.iter().find_map(|layer| {
             let inside: Vec<_> = self
                 .names
@@ -272,15 +272,4 @@ fn describe_layer(layer: &str) -> String {
 fn is_noise(layer: &str) -> bool {
     let layer = layer.to_ascii_lowercase();
     ["variance", "mse"].iter().any(|word| layer.contains(word)) || layer.ends_with("_var")
-}
-
-/// The role whose noise a role is.
-fn mean_of(role: Role) -> Option<Role> {
-    match role {
-        Role::Variance => Some(Role::Colour),
-        Role::AlbedoVariance => Some(Role::Albedo),
-        Role::NormalVariance => Some(Role::Normal),
-        Role::DepthVariance => Some(Role::Depth),
-        _ => None,
-    }
 }

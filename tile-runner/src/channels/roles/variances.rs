@@ -14,7 +14,7 @@ impl Search<'_> {
         &mut self,
         colour: [ChannelRef; 3],
         samples: Option<&Samples>,
-    ) -> Result<Variance<3>, Error> {
+    ) -> Result<Variance, Error> {
         if let Some(file) = self.request.other_half {
             return Ok(Variance::OtherFile(self.twins(&colour, file)?));
         }
@@ -24,12 +24,18 @@ impl Search<'_> {
             && by_user(Role::HalfA)
             && !by_user(Role::Variance)
         {
-            return Ok(Variance::Halves { a, b });
+            return Ok(Variance::Halves {
+                a: a.to_vec(),
+                b: b.to_vec(),
+            });
         }
         let Some(given) = self.get(Role::Variance).cloned() else {
             let unwanted = self.request.map.iter().any(|m| m.role == Role::Variance);
             return Ok(match halves {
-                Some((a, b)) if !unwanted => Variance::Halves { a, b },
+                Some((a, b)) if !unwanted => Variance::Halves {
+                    a: a.to_vec(),
+                    b: b.to_vec(),
+                },
                 _ => Variance::None,
             });
         };
@@ -51,32 +57,27 @@ impl Search<'_> {
         }
         Ok(Variance::Given {
             meaning: given.meaning,
-            channels,
+            channels: channels.to_vec(),
             count,
         })
     }
 
     /// The same channels in the image of the other half, which has the same data window.
-    fn twins<const N: usize>(
-        &self,
-        channels: &[ChannelRef; N],
-        file: usize,
-    ) -> Result<[ChannelRef; N], Error> {
-        let mut twins = *channels;
-        for (twin, &at) in twins.iter_mut().zip(channels) {
-            *twin = self.names.twin(at, file)?;
-            let window =
-                |at: ChannelRef| self.names.files()[at.file].parts()[at.part].data_window();
-            if window(*twin) != window(at) {
-                return Err(Error::Invalid(format!(
+    fn twins(&self, channels: &[ChannelRef], file: usize) -> Result<Vec<ChannelRef>, Error> {
+        let window = |at: ChannelRef| self.names.files()[at.file].parts()[at.part].data_window();
+        let twin = |&at: &ChannelRef| {
+            let twin = self.names.twin(at, file)?;
+            match window(twin) == window(at) {
+                true => Ok(twin),
+                false => Err(Error::Invalid(format!(
                     "{}: its data window {:?} is not {:?}, that of the first image",
-                    self.names.place(*twin),
-                    window(*twin),
+                    self.names.place(twin),
+                    window(twin),
                     window(at)
-                )));
+                ))),
             }
-        }
-        Ok(twins)
+        };
+        channels.iter().map(twin).collect()
     }
 
     fn is_half(&self, at: ChannelRef) -> bool {
@@ -100,12 +101,12 @@ impl Search<'_> {
     }
 
     /// Noise of a feature: unlike the colour's it may be left out, so what is missing is a note.
-    pub(super) fn feature_variance<const N: usize>(
+    pub(super) fn feature_variance(
         &mut self,
         role: Role,
-        means: &[ChannelRef; N],
+        means: &[ChannelRef],
         samples: Option<&Samples>,
-    ) -> Variance<N> {
+    ) -> Variance {
         if let Some(file) = self.request.other_half {
             return self
                 .twins(means, file)
@@ -114,9 +115,10 @@ impl Search<'_> {
         let Some(given) = self.get(role).cloned() else {
             return Variance::None;
         };
-        let Ok(channels) = <[ChannelRef; N]>::try_from(given.channels) else {
+        let channels = given.channels;
+        if channels.len() != means.len() {
             return Variance::None;
-        };
+        }
         let count = samples.map(|s| s.count);
         let problem = if given.meaning.needs_count() && count.is_none() {
             Some("the number of samples is not known")
