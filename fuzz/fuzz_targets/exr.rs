@@ -9,7 +9,6 @@ use std::sync::atomic::AtomicBool;
 
 use libfuzzer_sys::fuzz_target;
 use linpred::Options;
-use linpred::image::ExtraLayers;
 use linpred::job::{denoise, inspect, Input, InputRequest, JobOptions};
 use linpred_core::{Params, Quality};
 
@@ -33,15 +32,8 @@ fuzz_target!(|data: &[u8]| {
     if input.width().saturating_mul(input.height()) > PIXELS {
         return;
     }
-    let options = JobOptions {
-        pipeline: Options {
-            params: Params::new(Quality::Fast),
-            threads: NonZeroUsize::MIN,
-        },
-        extra: ExtraLayers::default(),
-        memory_limit: MEMORY,
-        band: None,
-    };
+    let pipeline = Options::new(Params::new(Quality::Fast)).with_threads(NonZeroUsize::MIN);
+    let options = JobOptions::new(pipeline).with_memory_limit(MEMORY);
     let output = file.path().with_extension("out.exr");
     let stop = Arc::new(AtomicBool::new(false));
     let result = denoise(&input, &output, &options, &stop, &mut |_| ());

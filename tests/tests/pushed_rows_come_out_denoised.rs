@@ -4,27 +4,22 @@ use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
 use linpred::{
-    Error, FEATURES, ImageSize, InputRow, Options, OutputRow, RowLayout, RowSink, RowSource,
+    Error, Feature, ImageSize, InputRow, Options, OutputRow, RowLayout, RowSink, RowSource,
     VarianceKind, denoise, push,
 };
 use linpred_core::{Params, Quality};
 use linpred_tests::images::noise;
 
 fn options() -> Options {
-    Options {
-        params: Params::new(Quality::Fast),
-        threads: NonZeroUsize::new(2).unwrap(),
-    }
+    Options::new(Params::new(Quality::Fast)).with_threads(NonZeroUsize::new(2).unwrap())
 }
 
 fn layout(width: usize, height: usize) -> RowLayout {
-    RowLayout {
-        size: ImageSize::new(width, height).unwrap(),
-        variance: VarianceKind::Estimated,
-        features: [true; FEATURES],
-        feature_variances: [false; FEATURES],
-        layers: 1,
-    }
+    let size = ImageSize::new(width, height).unwrap();
+    let layout = RowLayout::new(size, VarianceKind::Estimated).with_layers(1);
+    Feature::ALL
+        .into_iter()
+        .fold(layout, RowLayout::with_feature)
 }
 
 /// Rows of noise.

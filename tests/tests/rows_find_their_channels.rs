@@ -51,15 +51,14 @@ fn rows(input: &Input) -> Vec<InputRow> {
 fn write_constants(input: &Input, output: &Path, extra: ExtraLayers) {
     let mut sink = sink(input, output, extra);
     let plane = |value| vec![value; SIZE.0];
-    let row = OutputRow {
-        colour: [plane(0.5), plane(1.5), plane(2.5)],
-        error: plane(3.0),
-        radius: plane(4.0),
-        rank: plane(5.0),
-        layers: (0..input.layers.len() as u8)
-            .map(|n| [0.0, 0.25, 0.5].map(|k| plane(8.0 + f32::from(n) + k)))
-            .collect(),
-    };
+    let mut row = OutputRow::default();
+    row.colour = [plane(0.5), plane(1.5), plane(2.5)];
+    row.error = plane(3.0);
+    row.radius = plane(4.0);
+    row.rank = plane(5.0);
+    row.layers = (0..input.layers.len() as u8)
+        .map(|n| [0.0, 0.25, 0.5].map(|k| plane(8.0 + f32::from(n) + k)))
+        .collect();
     for y in 0..SIZE.1 {
         sink.write_row(y, &row).unwrap();
     }
@@ -276,10 +275,8 @@ fn a_colour_beyond_half_precision_is_clamped_and_counted() {
     );
     let input = open(&path, &[]);
     let mut sink = sink(&input, &output, ExtraLayers::default());
-    let row = OutputRow {
-        colour: [(); 3].map(|()| vec![1e6; SIZE.0]),
-        ..OutputRow::default()
-    };
+    let mut row = OutputRow::default();
+    row.colour = [(); 3].map(|()| vec![1e6; SIZE.0]);
     for y in 0..SIZE.1 {
         sink.write_row(y, &row).unwrap();
     }

@@ -9,7 +9,7 @@ pub mod job;
 mod row;
 mod stream;
 
-pub use error::Error;
+pub use error::{Error, Remedy, Setting};
 pub use geometry::ImageSize;
 pub use linpred_core::{FEATURE_NAMES, FEATURES, Feature, Formulas, Params, Quality};
 pub use row::{InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};

@@ -20,8 +20,8 @@ fn main() -> ExitCode {
     match result {
         Ok(code) => code,
         Err(error) => {
-            tracing::error!("{error}");
-            ExitCode::from(cli::exit::code(&error))
+            tracing::error!("{}", cli::errors::in_words(&error));
+            ExitCode::from(cli::errors::code(&error))
         }
     }
 }

@@ -53,10 +53,8 @@ impl<'a> MirroredRows<'a> {
     pub(crate) fn new(image: &'a Image, copies: usize) -> Result<Self> {
         let size = image.layout.size;
         let size = ImageSize::new(size.width() * copies, size.height() * copies);
-        let layout = RowLayout {
-            size: size.context("the mirrored image is too large")?,
-            ..image.layout
-        };
+        let size = size.context("the mirrored image is too large")?;
+        let layout = image.layout.with_size(size);
         Ok(Self { image, layout })
     }
 }

@@ -91,7 +91,7 @@ pub(crate) struct Done {
 
 fn by_linpred(image: &Image, copies: usize, params: Params, threads: NonZeroUsize) -> Result<Done> {
     let mut source = MirroredRows::new(image, copies)?;
-    let options = Options { params, threads };
+    let options = Options::new(params).with_threads(threads);
     let mut kept = Colour::default();
     let sink: &mut dyn RowSink = if copies == 1 { &mut kept } else { &mut Nowhere };
     let (report, cost) = measure(|| {

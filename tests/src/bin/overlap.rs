@@ -32,15 +32,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         ..InputRequest::default()
     };
     let input = Input::open(&request)?;
-    let options = JobOptions {
-        pipeline: Options {
-            params: Params::new(Quality::Fast),
-            threads: threads.parse::<NonZeroUsize>()?,
-        },
-        extra: ExtraLayers::default(),
-        memory_limit: 4 << 30,
-        band: None,
-    };
+    let threads = threads.parse::<NonZeroUsize>()?;
+    let pipeline = Options::new(Params::new(Quality::Fast)).with_threads(threads);
+    let options = JobOptions::new(pipeline).with_memory_limit(4 << 30);
     let output = Path::new(output);
     let files = timed("reading and writing alone", || {
         read_and_write(&input, output)

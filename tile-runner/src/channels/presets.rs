@@ -47,7 +47,7 @@ impl Role {
         Self::Samples,
     ];
 
-    /// The name that `--map` and `inspect` use.
+    /// Its name, in requests and descriptions.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Colour => "colour",

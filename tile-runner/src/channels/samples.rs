@@ -30,7 +30,7 @@ impl fmt::Display for Samples {
     }
 }
 
-/// Finds the samples per pixel: `--spp`, then a channel, then an attribute of one of `parts`.
+/// Finds the samples per pixel: what the user says, then a channel, then an attribute of one of `parts`.
 pub(crate) fn find(
     spp: Option<u32>,
     channel: Option<ChannelRef>,
@@ -40,7 +40,7 @@ pub(crate) fn find(
     if let Some(spp) = spp {
         return Some(Samples {
             count: Count::Fixed(spp as f32),
-            origin: "--spp".into(),
+            origin: "as asked".into(),
         });
     }
     let total = parts.iter().find_map(|part| attribute(part));

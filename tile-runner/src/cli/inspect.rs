@@ -9,13 +9,15 @@ use linpred::survey::Survey;
 
 use super::args::{InspectArguments, ProgressStyle, SurveyArguments};
 use super::denoise::{all_threads, request};
-use super::exit;
+use super::errors;
 use super::progress::Progress;
 
 /// Prints what a file holds. A file that cannot be denoised is described all the same, and ends in its exit code.
 pub(crate) fn run(arguments: InspectArguments) -> Result<ExitCode, Error> {
     let request = request(arguments.input);
-    let (inspection, problem) = inspect_with(&request, |input| survey(input, &arguments.survey))?;
+    let (mut inspection, problem) =
+        inspect_with(&request, |input| survey(input, &arguments.survey))?;
+    inspection.problem = problem.as_ref().map(errors::in_words);
     let text = match arguments.json {
         true => format!("{:#}\n", serde_json::json!(inspection)),
         false => inspection.to_string(),
@@ -23,7 +25,7 @@ pub(crate) fn run(arguments: InspectArguments) -> Result<ExitCode, Error> {
     // nobody is left to be told when standard output is closed
     let _ = std::io::stdout().write_all(text.as_bytes());
     Ok(problem.map_or(ExitCode::SUCCESS, |error| {
-        ExitCode::from(exit::code(&error))
+        ExitCode::from(errors::code(&error))
     }))
 }
 

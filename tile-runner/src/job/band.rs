@@ -3,11 +3,12 @@
 //! A band's rows begin and end on chunks of the file. It is computed from more rows than it writes, beginning on a row of
 //! cells of the whole image, so that every pixel comes out with the bits that the whole image would have given it.
 
+use std::fmt;
 use std::ops::Range;
 
 use linpred_core::CELL;
 
-use crate::error::Error;
+use crate::error::{Error, Setting};
 use crate::exr_file::ExrFile;
 use crate::exr_file::attributes::Attributes;
 use crate::geometry::ImageSize;
@@ -36,22 +37,25 @@ impl Band {
         match parts {
             Some((index, count)) if 1 <= index && index <= count => Ok(Self { index, count }),
             _ => Err(Error::Usage(format!(
-                "--band {text}: expected i/N with i from 1 to N, such as 2/4"
+                "{text:?}: expected i/N with i from 1 to N, such as 2/4"
             ))),
         }
     }
 
-    /// The band's rows of an image of `height` rows that may be cut every `unit` rows. [`Error::Usage`] when there are fewer
+    /// The band's rows of an image of `height` rows that may be cut every `unit` rows. [`Error::Setting`] when there are fewer
     /// pieces than bands and this one would be empty.
     pub fn rows(self, height: usize, unit: usize) -> Result<Range<usize>, Error> {
         let pieces = height.div_ceil(unit) as u64;
         let cut = |index: usize| (index as u64 * pieces / self.count as u64) as usize * unit;
         let rows = cut(self.index - 1)..cut(self.index).min(height);
         if rows.is_empty() {
-            return Err(Error::Usage(format!(
-                "--band {}/{} is empty: the chunks of the file can be cut every {unit} rows, which makes {pieces} pieces",
-                self.index, self.count
-            )));
+            return Err(Error::Setting {
+                setting: Setting::Band,
+                value: self.to_string(),
+                problem: format!(
+                    "is empty: the file can be cut every {unit} rows, between its chunks, which makes {pieces} pieces"
+                ),
+            });
         }
         Ok(rows)
     }
@@ -65,7 +69,7 @@ impl Band {
             .first()
             .map(|part| part.header.data_window())
         else {
-            return Err(Error::Usage("--band: nothing is denoised".into()));
+            return Err(Error::Usage("a band: nothing is denoised".into()));
         };
         let height = window.size.1;
         for (output, part) in rewrite.parts.iter().zip(input.parts()) {
@@ -86,7 +90,7 @@ impl Band {
             .map(|part| part.grid.chunk_height())
             .fold(1, |a, b| lcm(a, b, height));
         let rows = self.rows(height, unit)?;
-        let label = format!("{}/{}", self.index, self.count).into_bytes();
+        let label = self.to_string().into_bytes();
         for part in &mut rewrite.parts {
             part.grid = part.grid.restricted(rows.start, rows.len());
             part.chunks = part.grid.rows() * part.grid.columns();
@@ -100,6 +104,12 @@ impl Band {
         }
         rewrite.first_row = rows.start;
         Ok(rows)
+    }
+}
+
+impl fmt::Display for Band {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.index, self.count)
     }
 }
 
@@ -229,7 +239,7 @@ mod tests {
         }
         assert!(matches!(
             Band { index: 1, count: 3 }.rows(40, 32),
-            Err(Error::Usage(_))
+            Err(Error::Setting { .. })
         ));
     }
 

@@ -10,6 +10,7 @@ use linpred_core::Params;
 use crate::error::Error;
 use crate::exr_file::compression::SharedCodec;
 use crate::exr_file::output::check_output;
+use crate::image::rewrite::Rewrite;
 use crate::image::sink::ExrSink;
 use crate::job::band::{BandSink, BandSource};
 use crate::job::input::Input;
@@ -55,42 +56,40 @@ pub fn denoise(
     };
     let mut source = BandSource::new(input.source(options.memory_limit)?, &rows);
     let within = rows.start - source.first()..rows.end - source.first();
-    let limit = options.memory_limit;
+    let sink = sink(input, output, rewrite, options, schedule, stop)?;
+    let mut sink = BandSink::new(sink, within.clone());
+    let mut told = |done: usize| {
+        progress(done.min(within.end).saturating_sub(within.start));
+        match stop.load(Ordering::Relaxed) {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    };
+    let params = options.pipeline.params;
+    let report = run(&mut source, &mut sink, params, schedule, &mut told)?;
+    Ok(Summary {
+        report,
+        clamped: sink.into_inner().finish()?,
+        layers_off: source.inner().layers_off(),
+        peak_memory: memory::peak(),
+    })
+}
+
+/// Begins the output. It is coded by turns with the input where `schedule` has no memory for both at once.
+fn sink(
+    input: &Input,
+    output: &Path,
+    rewrite: Rewrite,
+    options: &JobOptions,
+    schedule: Schedule,
+    stop: &Arc<AtomicBool>,
+) -> Result<ExrSink, Error> {
     let codec = match schedule.codes_at_once {
         true => SharedCodec::default(),
         false => input.file().codec().clone(),
     };
-    let sink = ExrSink::create(
-        output,
-        input.file().clone(),
-        rewrite,
-        &codec,
-        limit,
-        stop.clone(),
-    )?;
-    let mut sink = BandSink::new(sink, within.clone());
-    let mut told = |done: usize| {
-        progress(done.min(within.end).saturating_sub(within.start));
-        if stop.load(Ordering::Relaxed) {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
-        }
-    };
-    let report = run(
-        &mut source,
-        &mut sink,
-        options.pipeline.params,
-        schedule,
-        &mut told,
-    )?;
-    let clamped = sink.into_inner().finish()?;
-    Ok(Summary {
-        report,
-        clamped,
-        layers_off: source.inner().layers_off(),
-        peak_memory: memory::peak(),
-    })
+    let (file, limit) = (input.file().clone(), options.memory_limit);
+    ExrSink::create(output, file, rewrite, &codec, limit, stop.clone())
 }
 
 /// Runs the pipeline; reads ahead and writes behind it if the schedule says so.
@@ -101,10 +100,7 @@ fn run(
     schedule: Schedule,
     progress: &mut dyn FnMut(usize) -> ControlFlow<()>,
 ) -> Result<Report, Error> {
-    let options = &Options {
-        params,
-        threads: schedule.threads,
-    };
+    let options = &Options::new(params).with_threads(schedule.threads);
     let rows = schedule.rows_in_flight;
     if rows == 0 {
         return pipeline::denoise(source, sink, options, progress);

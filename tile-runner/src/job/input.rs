@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use crate::channels::names::{ChannelNames, ChannelRef};
 use crate::channels::roles::layers::{self, Layer};
 use crate::channels::roles::{RoleRequest, Roles, resolve};
-use crate::error::Error;
+use crate::error::{Error, Setting};
 use crate::exr_file::ExrFile;
 use crate::exr_file::compression::SharedCodec;
 use crate::geometry::ImageSize;
@@ -47,10 +47,11 @@ impl Input {
         let mut roles = request.roles.clone();
         if let Some(path) = &request.other_half {
             if same_file::is_same_file(path, &request.path).unwrap_or(false) {
-                return Err(Error::Usage(format!(
-                    "--other-half {} is the noisy image itself",
-                    path.display()
-                )));
+                return Err(Error::Setting {
+                    setting: Setting::OtherHalf,
+                    value: path.display().to_string(),
+                    problem: "is the noisy image itself".into(),
+                });
             }
             roles.other_half = Some(names.add(Arc::new(ExrFile::open(path)?)));
         }

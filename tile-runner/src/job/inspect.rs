@@ -83,7 +83,7 @@ pub fn inspect(request: &InputRequest) -> Result<(Inspection, Option<Error>), Er
 }
 
 /// The same; if the file can be denoised, its pixels are what `survey` finds in them. An error of that is a problem of the file, but for
-/// [`Error::Budget`].
+/// one of memory.
 pub fn inspect_with(
     request: &InputRequest,
     survey: impl FnOnce(&Input) -> Result<Option<Survey>, Error>,
@@ -96,13 +96,13 @@ pub fn inspect_with(
                 match survey(&input) {
                     Ok(pixels) => inspection.pixels = pixels,
                     // says nothing of the file
-                    Err(error @ Error::Budget(_)) => return Err(error),
+                    Err(error @ (Error::Budget(_) | Error::OverLimit { .. })) => return Err(error),
                     Err(error) => problem = Some(error),
                 }
             }
             (inspection, problem)
         }
-        Err(error @ Error::Usage(_)) => return Err(error),
+        Err(error @ (Error::Usage(_) | Error::Setting { .. })) => return Err(error),
         Err(error) => (bare(&ExrFile::open(&request.path)?), Some(error)),
     };
     inspection.problem = problem.as_ref().map(ToString::to_string);
@@ -110,7 +110,7 @@ pub fn inspect_with(
 }
 
 /// Surveys an input within `limit` bytes of memory, on fewer than `threads` threads where that takes less. `progress` is told how many rows are
-/// done. [`Error::Budget`] if the memory does not suffice.
+/// done. [`Error::OverLimit`] or [`Error::Budget`] if the memory does not suffice.
 pub fn survey(
     input: &Input,
     threads: NonZeroUsize,
@@ -216,7 +216,7 @@ fn role_infos(input: &Input) -> Vec<RoleInfo> {
         info(
             "layer",
             &layer.channels,
-            format!("--layers: {:?}", layer.name),
+            format!("asked for as {:?}", layer.name),
         )
     });
     assigned.chain(layers).collect()
@@ -227,7 +227,7 @@ fn variance_in_words(roles: &Roles) -> String {
         Variance::Given { meaning, .. } => format!("given: {meaning}"),
         Variance::Halves { .. } => "half the difference of the half buffers, squared".into(),
         Variance::OtherFile(_) => {
-            "half the difference to --other-half, squared; the two images are averaged".into()
+            "half the difference to the other half, squared; the two images are averaged".into()
         }
         Variance::None => "estimated from the picture".into(),
     }

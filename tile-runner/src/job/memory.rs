@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::error::Error;
+use crate::error::{Error, Mebibytes};
 
 /// What a run may use when nothing else is said: what a render node has to spare.
 pub const DEFAULT_MEMORY_LIMIT: u64 = 2 << 30;
@@ -31,20 +31,20 @@ impl MemoryPlan {
             .fold(0, |sum, (_, bytes)| sum.saturating_add(*bytes))
     }
 
-    /// [`Error::Budget`], naming what costs most, if the sum is above `limit`.
+    /// [`Error::OverLimit`], naming what costs most, if the sum is above `limit`.
     pub fn check(&self, limit: u64) -> Result<(), Error> {
         if self.total() <= limit {
             return Ok(());
         }
         let most = self.entries.iter().max_by_key(|(_, bytes)| *bytes);
         let most = most.map_or(String::new(), |(what, bytes)| {
-            format!("; most of it is {what}: {}", mebibytes(*bytes))
+            format!("{what}: {}", Mebibytes(*bytes))
         });
-        Err(Error::Budget(format!(
-            "needs {} of memory, --max-memory is {}{most}",
-            mebibytes(self.total()),
-            mebibytes(limit)
-        )))
+        Err(Error::OverLimit {
+            needed: self.total(),
+            limit,
+            most,
+        })
     }
 }
 
@@ -64,8 +64,8 @@ pub(super) fn check_available(plan: &MemoryPlan, threads: usize) -> Result<(), E
     match reserved {
         true => Ok(()),
         false => Err(Error::Budget(format!(
-            "the system does not give {} of memory (ulimit -v, or a container's limit); fewer --threads or a lower --max-memory take less",
-            mebibytes(bytes)
+            "the system does not give {} of memory (ulimit -v, or a container's limit); fewer threads or a lower limit take less",
+            Mebibytes(bytes)
         ))),
     }
 }
@@ -73,16 +73,10 @@ pub(super) fn check_available(plan: &MemoryPlan, threads: usize) -> Result<(), E
 impl fmt::Display for MemoryPlan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (what, bytes) in &self.entries {
-            writeln!(f, "{:>12}  {what}", mebibytes(*bytes))?;
+            writeln!(f, "{:>12}  {what}", Mebibytes(*bytes))?;
         }
-        write!(f, "{:>12}  in all", mebibytes(self.total()))
+        write!(f, "{:>12}  in all", Mebibytes(self.total()))
     }
-}
-
-/// Bytes for people, rounded up so that nothing is free.
-fn mebibytes(bytes: u64) -> String {
-    let tenths = (u128::from(bytes) * 10).div_ceil(1 << 20);
-    format!("{}.{} MiB", tenths / 10, tenths % 10)
 }
 
 /// The most bytes of memory that this process has had resident, where the system tells: Linux does.

@@ -115,7 +115,7 @@ fn find_dollar(name: &str) -> Option<(usize, usize, usize)> {
 pub fn parse_frames(text: &str) -> Result<Vec<u32>, Error> {
     let usage = || {
         Error::Usage(format!(
-            "--frames {text}: expected frames such as 7, 1-100 or 1-100x2, joined by commas"
+            "{text:?}: expected frames such as 7, 1-100 or 1-100x2, joined by commas"
         ))
     };
     let number = |text: &str| text.trim().parse::<u32>().map_err(|_| usage());
@@ -129,7 +129,7 @@ pub fn parse_frames(text: &str) -> Result<Vec<u32>, Error> {
         }
         if frames.len() as u64 + u64::from((last - first) / step) >= FRAME_LIMIT {
             return Err(Error::Usage(format!(
-                "--frames {text}: more than {FRAME_LIMIT} frames"
+                "{text:?}: more than {FRAME_LIMIT} frames"
             )));
         }
         frames.extend((first..=last).step_by(step as usize));

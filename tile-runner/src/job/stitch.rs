@@ -98,7 +98,7 @@ impl WholePart {
 fn whole_part(file: &ExrFile, part: &Part) -> Result<WholePart, Error> {
     let no_band = || {
         Error::Invalid(format!(
-            "{}: {}: is no band (it has no attribute {WHOLE_ATTRIBUTE}); bands are made by denoise --band",
+            "{}: {}: is no band (it has no attribute {WHOLE_ATTRIBUTE})",
             file.path().display(),
             part.label()
         ))

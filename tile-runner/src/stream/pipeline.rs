@@ -28,13 +28,36 @@ use crate::stream::row_of_cells::CellBenches;
 use crate::stream::sum_rows::SumRows;
 use crate::stream::threads::{pool, stack_bytes};
 
-/// How to run.
+/// How to run: what to compute, and on how many threads.
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub struct Options {
     /// What to compute.
     pub params: Params,
     /// Threads that compute; the output's bits do not depend on it.
     pub threads: NonZeroUsize,
+}
+
+impl Options {
+    /// To compute `params` on as many threads as there are processors.
+    pub fn new(params: Params) -> Self {
+        Self {
+            params,
+            threads: std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN),
+        }
+    }
+
+    /// On so many threads.
+    pub fn with_threads(self, threads: NonZeroUsize) -> Self {
+        Self { threads, ..self }
+    }
+}
+
+impl Default for Options {
+    /// To compute the default parameters on as many threads as there are processors.
+    fn default() -> Self {
+        Self::new(Params::default())
+    }
 }
 
 /// Rows above or below a pixel that it can depend on, for an image whose rows hold `layout`: it lies in the halo of a cell, the

@@ -7,6 +7,7 @@ use serde::Serialize;
 
 /// What a run did, and what it could leave.
 #[derive(Clone, Copy, Debug, Default)]
+#[non_exhaustive]
 pub struct Report {
     /// What was worked on and what was skipped.
     pub counts: Counts,
@@ -29,6 +30,7 @@ impl Report {
 /// What of an image a run works on, and what it skips. It depends on the image alone, not on the quality or on threads; the papers'
 /// formulas skip no cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct Counts {
     /// Pixels of the image.
     pub pixels: u64,

@@ -6,7 +6,7 @@ use crate::channels::names::{ChannelNames, ChannelRef};
 use crate::channels::presets::{Components, Role};
 use crate::channels::roles::Roles;
 use crate::channels::variance::Variance;
-use crate::error::Error;
+use crate::error::{Error, Setting};
 
 /// A layer to denoise.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,7 +22,7 @@ pub struct Layer {
 /// The layers of file 0 that match one of `patterns` (`*` any text, `?` any letter), with or without what stands before
 /// the layer's last dot. The colour itself and channels in other roles are passed over where a pattern has a wildcard.
 ///
-/// [`Error::Usage`] for a pattern that matches nothing, [`Error::Invalid`] for a layer of another data window.
+/// [`Error::Setting`] for a pattern that matches nothing, [`Error::Invalid`] for a layer of another data window.
 pub(crate) fn select(
     names: &ChannelNames,
     roles: &Roles,
@@ -50,10 +50,14 @@ pub(crate) fn select(
             chosen.push(layer(names, roles, name, channels)?);
         }
         if chosen.len() == before && !repeated {
-            return Err(Error::Usage(format!(
-                "--layers {pattern}: {} has no such layer with channels R G B beside its colour",
-                names.files()[0].path().display()
-            )));
+            return Err(Error::Setting {
+                setting: Setting::Layers,
+                value: pattern.clone(),
+                problem: format!(
+                    "{} has no such layer with channels R G B beside its colour",
+                    names.files()[0].path().display()
+                ),
+            });
         }
     }
     Ok(chosen)

@@ -1,10 +1,10 @@
-//! `--map role=channel`.
+//! A role given to a channel by the user: `role=channel`.
 
 use crate::channels::presets::Role;
 use crate::channels::variance::Meaning;
 use crate::error::Error;
 
-/// One `--map role=channel`.
+/// One `role=channel`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mapping {
     /// The role.
@@ -22,7 +22,7 @@ impl Mapping {
         let usage = || {
             let roles: Vec<&str> = Role::ALL.iter().map(|role| role.name()).collect();
             Error::Usage(format!(
-                "--map {text}: expected role=channel, where role is one of {} (or sample-variance, second-moment)",
+                "{text:?}: expected role=channel, where role is one of {} (or sample-variance, second-moment)",
                 roles.join(", ")
             ))
         };

@@ -13,18 +13,18 @@ use crate::channels::names::{ChannelNames, ChannelRef};
 use crate::channels::presets::{COMMON, Preset, Role};
 use crate::channels::samples::{self, Samples};
 use crate::channels::variance::{Meaning, Variance};
-use crate::error::Error;
+use crate::error::{Error, Setting};
 
 /// What the user asked for.
 #[derive(Clone, Debug, Default)]
 pub struct RoleRequest {
     /// Preset by name; `None` for auto.
     pub preset: Option<&'static Preset>,
-    /// `--map` entries in order; a later one wins.
+    /// Roles given to channels; a later one wins.
     pub map: Vec<Mapping>,
-    /// `--spp`.
+    /// Samples per pixel, whatever the file says.
     pub spp: Option<u32>,
-    /// `--other-half`: the position among the input files of the image from the other half of the samples.
+    /// The position among the input files of the image from the other half of the samples.
     pub other_half: Option<usize>,
 }
 
@@ -39,6 +39,8 @@ pub struct Assignment {
     pub meaning: Meaning,
     /// Why these.
     pub rule: String,
+    /// Whether the user mapped them.
+    pub by_user: bool,
 }
 
 /// The channels of a feature, and its noise.
@@ -88,8 +90,8 @@ impl Roles {
 
 /// Assigns the roles of file 0 of `names`.
 ///
-/// [`Error::Usage`] when `--map` names a channel that is not there, [`Error::Invalid`] when no colour can be found, a variance
-/// needs the number of samples and nothing states it, or second moments are stored in half precision.
+/// [`Error::Setting`] when a channel of [`RoleRequest::map`] is not there; [`Error::Invalid`] when there is no colour; [`Error::Incomplete`] when it may be one of
+/// several, when a variance needs the number of samples and nothing states it, or when second moments are stored in half precision.
 pub(crate) fn resolve(names: &ChannelNames, request: &RoleRequest) -> Result<Roles, Error> {
     let mut search = Search::new(names, request);
     for role in Role::ALL {
@@ -112,7 +114,7 @@ impl<'a> Search<'a> {
         let file = &names.files()[0];
         let mut presets = Vec::new();
         if let Some(chosen) = request.preset {
-            presets.push((chosen, format!("--preset {}", chosen.name)));
+            presets.push((chosen, format!("chosen preset {}", chosen.name)));
         } else if let Some(seen) = file
             .parts()
             .iter()
@@ -137,7 +139,7 @@ impl<'a> Search<'a> {
         self.found.iter().find(|a| a.role == role)
     }
 
-    /// `--map` first, then the presets in order, then, for the colour, what little the file may hold.
+    /// What the user mapped first, then the presets in order, then, for the colour, what little the file may hold.
     fn assign(&mut self, role: Role) -> Result<(), Error> {
         if let Some(mapping) = self.request.map.iter().rev().find(|m| m.role == role) {
             if mapping.target != "none" {
@@ -159,6 +161,7 @@ impl<'a> Search<'a> {
                         channels,
                         meaning: rule.meaning,
                         rule: format!("{why}: {which}"),
+                        by_user: false,
                     };
                     Some(rule)
                 })
@@ -193,7 +196,7 @@ impl<'a> Search<'a> {
                 "{place}: its data window {:?} is not the colour's, {colour:?}",
                 window(*odd)
             );
-            if assignment.role == Role::Colour || assignment.rule.starts_with("--map") {
+            if assignment.role == Role::Colour || assignment.by_user {
                 return Err(Error::Invalid(reason));
             }
             self.notes
@@ -204,8 +207,11 @@ impl<'a> Search<'a> {
     }
 
     fn finish(mut self) -> Result<Roles, Error> {
-        let colour = triple(self.get(Role::Colour))
-            .ok_or_else(|| Error::Usage("--map colour=none leaves nothing to denoise".into()))?;
+        let colour = triple(self.get(Role::Colour)).ok_or_else(|| Error::Setting {
+            setting: Setting::Map,
+            value: "colour=none".into(),
+            problem: "leaves nothing to denoise".into(),
+        })?;
         let names = self.names;
         let file = &names.files()[0];
         let parts = [&file.parts()[colour[0].part], &file.parts()[0]];

@@ -4,7 +4,7 @@ use super::{Assignment, Mapping, Search};
 use crate::channels::names::ChannelRef;
 use crate::channels::presets::{Components, MOMENT, Pattern, Role, Rule};
 use crate::channels::variance::Meaning;
-use crate::error::Error;
+use crate::error::{Error, Remedy, Setting};
 
 impl<'a> Search<'a> {
     pub(super) fn mapped(&self, mapping: &Mapping) -> Result<Assignment, Error> {
@@ -28,7 +28,8 @@ impl<'a> Search<'a> {
             role: mapping.role,
             channels,
             meaning: mapping.meaning,
-            rule: format!("--map {}={target}", mapping.role.name()),
+            rule: format!("mapped to {target}"),
+            by_user: true,
         })
     }
 
@@ -41,12 +42,14 @@ impl<'a> Search<'a> {
             }
             Components::Vector => "a layer with channels X Y Z, or three channels joined by commas",
         };
-        Error::Usage(format!(
-            "--map {}={}: {path} has no such channel or layer (wanted: {wanted}); its channels are {}",
-            mapping.role.name(),
-            mapping.target,
-            self.all_names()
-        ))
+        Error::Setting {
+            setting: Setting::Map,
+            value: format!("{}={}", mapping.role.name(), mapping.target),
+            problem: format!(
+                "{path} has no such channel or layer (wanted: {wanted}); its channels are {}",
+                self.all_names()
+            ),
+        }
     }
 
     fn all_names(&self) -> String {
@@ -187,76 +190,106 @@ impl<'a> Search<'a> {
         channels.iter().all(|at| part(at).refusal.is_none())
     }
 
-    /// A colour that no rule names: a luminance, the only channel, or the only layer with red, green and blue.
+    /// A colour that no rule names: a luminance, the only layer with red, green and blue, or the only channel.
     pub(super) fn only_colour(&self) -> Result<Assignment, Error> {
-        let assign = |channels, rule: String| Assignment {
-            role: Role::Colour,
-            channels,
-            meaning: Meaning::OfMean,
-            rule,
-        };
+        self.refuse_colour_differences()?;
+        let luminance = self.names.channel(0, "Y").map(|at| vec![at]);
+        if let Some(luminance) = luminance.filter(|at| self.decodable(at)) {
+            return Ok(colour(luminance, "the luminance".into()));
+        }
+        let coloured = self.decodable_colours();
+        if let [(name, channels)] = &coloured[..] {
+            let rule = format!("the only layer with R G B: {}", describe_layer(name));
+            return Ok(colour(channels.clone(), rule));
+        }
+        if let Some(only) = self.only_channel().filter(|at| self.decodable(at)) {
+            return Ok(colour(only, "the only channel".into()));
+        }
+        Err(self.no_colour(&coloured))
+    }
+
+    /// [`Error::Unsupported`] for a luminance with colour differences.
+    fn refuse_colour_differences(&self) -> Result<(), Error> {
+        if ["RY", "BY"]
+            .iter()
+            .all(|name| self.names.channel(0, name).is_none())
+        {
+            return Ok(());
+        }
+        let path = self.names.files()[0].path().display();
+        Err(self.refused_part().unwrap_or_else(|| {
+            Error::Unsupported(format!(
+                "{path}: luminance with colour differences (channels Y, RY, BY) is not supported"
+            ))
+        }))
+    }
+
+    /// What stands in the way of the first part that cannot be decoded: the reason where nothing better is found.
+    fn refused_part(&self) -> Option<Error> {
         let file = &self.names.files()[0];
-        // what stands in the way of a part that nothing better is found in
-        let refused = file.parts().iter().find_map(|part| {
+        file.parts().iter().find_map(|part| {
             let (path, label) = (file.path().display(), part.label());
             let refusal = part.refusal.as_ref()?;
             Some(Error::Unsupported(format!("{path}: {label}: {refusal}")))
-        });
-        if self.names.channel(0, "RY").is_some() || self.names.channel(0, "BY").is_some() {
-            let differences = Error::Unsupported(format!(
-                "{}: luminance with colour differences (channels Y, RY, BY) is not supported",
-                file.path().display()
-            ));
-            return Err(refused.unwrap_or(differences));
-        }
-        let luminance = self.names.channel(0, "Y");
-        if let Some(luminance) = luminance.filter(|&at| self.decodable(&[at])) {
-            return Ok(assign(vec![luminance], "the luminance".into()));
-        }
-        let layer = |layer: &str| self.layer(layer, Components::Colour);
-        let coloured: Vec<&str> = (self.names.layers(0).into_iter())
-            .filter(|name| layer(name).is_some_and(|channels| self.decodable(&channels)))
-            .collect();
-        if let [only] = coloured[..] {
-            let channels = self.layer(only, Components::Colour).unwrap_or_default();
-            return Ok(assign(
-                channels,
-                format!("the only layer with R G B: {}", describe_layer(only)),
-            ));
-        }
-        let mut channels = file
-            .parts()
-            .iter()
-            .flat_map(|part| (0..part.header.channels.list.len()).map(|c| (part.index, c)));
-        if let (Some((part, channel)), None) = (channels.next(), channels.next()) {
-            let only = ChannelRef {
-                file: 0,
-                part,
-                channel,
-            };
-            if self.decodable(&[only]) {
-                return Ok(assign(vec![only], "the only channel".into()));
-            }
-        }
-        let why = if coloured.is_empty() {
-            "no colour channels (R G B) found".to_owned()
-        } else {
-            let layers: Vec<String> = coloured.iter().map(|layer| format!("{layer:?}")).collect();
-            format!(
-                "which layer is the colour? It may be {}; say --map colour=LAYER",
-                layers.join(", ")
-            )
-        };
-        let none = Error::Invalid(format!(
-            "{}: {why}; its channels are {}",
-            file.path().display(),
-            self.all_names()
-        ));
-        Err(if coloured.is_empty() {
-            refused.unwrap_or(none)
-        } else {
-            none
         })
+    }
+
+    /// Layers with red, green and blue that can be decoded.
+    fn decodable_colours(&self) -> Vec<(&'a str, Vec<ChannelRef>)> {
+        let layers = self.names.layers(0).into_iter();
+        let coloured =
+            layers.filter_map(|name| Some((name, self.layer(name, Components::Colour)?)));
+        coloured
+            .filter(|(_, channels)| self.decodable(channels))
+            .collect()
+    }
+
+    /// The channel of a file that has no other.
+    fn only_channel(&self) -> Option<Vec<ChannelRef>> {
+        let parts = self.names.files()[0].parts().iter();
+        let mut channels =
+            parts.flat_map(|part| (0..part.header.channels.list.len()).map(|c| (part.index, c)));
+        let (part, channel) = channels.next()?;
+        let only = ChannelRef {
+            file: 0,
+            part,
+            channel,
+        };
+        channels.next().is_none().then(|| vec![only])
+    }
+
+    /// Why there is no colour, among layers that may be it.
+    fn no_colour(&self, coloured: &[(&str, Vec<ChannelRef>)]) -> Error {
+        let path = self.names.files()[0].path().display();
+        let names = self.all_names();
+        if coloured.is_empty() {
+            return self.refused_part().unwrap_or_else(|| {
+                Error::Invalid(format!(
+                    "{path}: no colour channels (R G B) found; its channels are {names}"
+                ))
+            });
+        }
+        let layers: Vec<String> = (coloured.iter())
+            .map(|(layer, _)| format!("{layer:?}"))
+            .collect();
+        Error::Incomplete {
+            problem: format!(
+                "{path}: which layer is the colour? It may be {}; its channels are {names}",
+                layers.join(", ")
+            ),
+            remedy: Remedy::Colour,
+        }
+    }
+}
+
+/// These channels as the colour.
+fn colour(channels: Vec<ChannelRef>, rule: String) -> Assignment {
+    Assignment {
+        role: Role::Colour,
+        channels,
+        meaning: Meaning::OfMean,
+        rule,
+        by_user: false,
     }
 }
 

@@ -7,7 +7,7 @@ use crate::channels::names::ChannelRef;
 use crate::channels::presets::Role;
 use crate::channels::samples::Samples;
 use crate::channels::variance::{Meaning, Variance};
-use crate::error::Error;
+use crate::error::{Error, Remedy};
 
 impl Search<'_> {
     pub(super) fn colour_variance(
@@ -19,7 +19,7 @@ impl Search<'_> {
             return Ok(Variance::OtherFile(self.twins(&colour, file)?));
         }
         let halves = triple(self.get(Role::HalfA)).zip(triple(self.get(Role::HalfB)));
-        let by_user = |role| self.get(role).is_some_and(|a| a.rule.starts_with("--map"));
+        let by_user = |role| self.get(role).is_some_and(|a| a.by_user);
         if let Some((a, b)) = halves
             && by_user(Role::HalfA)
             && !by_user(Role::Variance)
@@ -48,12 +48,14 @@ impl Search<'_> {
         }
         let count = samples.map(|s| s.count);
         if given.meaning.needs_count() && count.is_none() {
-            return Err(Error::Invalid(format!(
-                "{}: holds the {}, and the file does not state the samples per pixel: add --spp N, \
-                 or --map variance=none to estimate the variance from the picture",
-                self.names.place(channels[0]),
-                given.meaning.stored()
-            )));
+            return Err(Error::Incomplete {
+                problem: format!(
+                    "{}: holds the {}, and the file does not state the samples per pixel",
+                    self.names.place(channels[0]),
+                    given.meaning.stored()
+                ),
+                remedy: Remedy::SamplesOrNoVariance,
+            });
         }
         Ok(Variance::Given {
             meaning: given.meaning,
@@ -91,12 +93,13 @@ impl Search<'_> {
     ) -> Result<(), Error> {
         match moments.iter().chain(means).find(|at| self.is_half(**at)) {
             None => Ok(()),
-            Some(at) => Err(Error::Invalid(format!(
-                "{} is half precision: the second moment less the squared mean keeps no digit of \
-                 the variance; render it as float, or add --map variance=none to estimate the \
-                 variance from the picture",
-                self.names.place(*at)
-            ))),
+            Some(at) => Err(Error::Incomplete {
+                problem: format!(
+                    "{} is half precision: the second moment less the squared mean keeps no digit of the variance; render it as float",
+                    self.names.place(*at)
+                ),
+                remedy: Remedy::NoVariance,
+            }),
         }
     }
 

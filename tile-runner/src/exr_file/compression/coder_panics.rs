@@ -2,7 +2,7 @@
 //!
 //! What a coder was given is dropped with it, and it keeps no state of its own, so nothing half-changed is left behind. The panic hook has run by the time
 //! that a panic is caught. The hook belongs to the process and not to a library, so a program says with [`tell_caught_ones_to`] what is to become of
-//! panics that end in an error (the command line logs them for `--verbose`). With `panic = "abort"` nothing is caught, and the process ends.
+//! panics that end in an error (the command line logs them where it is verbose). With `panic = "abort"` nothing is caught, and the process ends.
 
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};
