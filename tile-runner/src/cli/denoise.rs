@@ -12,7 +12,7 @@ use std::time::Instant;
 
 use linpred::channels::{Preset, RoleRequest};
 use linpred::image::ExtraLayers;
-use linpred::job::{self, DEFAULT_MEMORY_LIMIT, Input, InputRequest, JobOptions};
+use linpred::job::{self, Input, InputRequest, JobOptions};
 use linpred::{Error, Options};
 use linpred_core::{Params, Quality};
 

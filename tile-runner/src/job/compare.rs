@@ -3,8 +3,6 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use serde::Serialize;
-
 use crate::channels::names::{ChannelNames, ChannelRef};
 use crate::channels::roles::{Mapping, RoleRequest, Roles};
 use crate::channels::variance::{Meaning, Variance};
@@ -21,7 +19,8 @@ const RELATIVE_FLOOR: f64 = 0.01;
 const WORST: usize = 5;
 
 /// A pixel far from the reference.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct WorstPixel {
     /// Column, from the data window's left edge.
     pub x: usize,
@@ -32,7 +31,8 @@ pub struct WorstPixel {
 }
 
 /// The figures of a comparison.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Comparison {
     /// Mean over pixels and channels of ((a - f)^2 - var f) / (f^2 + 0.01).
     pub rmse: f64,

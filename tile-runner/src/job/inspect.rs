@@ -5,7 +5,6 @@ use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
 use linpred_core::Feature;
-use serde::Serialize;
 
 use crate::channels::roles::Roles;
 use crate::channels::variance::Variance;
@@ -18,7 +17,8 @@ use crate::job::plan;
 use crate::stream::survey::{self, Survey};
 
 /// A part in words.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct PartInfo {
     /// Number and name.
     pub label: String,
@@ -41,7 +41,8 @@ pub struct PartInfo {
 }
 
 /// A role in words.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct RoleInfo {
     /// The role's name.
     pub role: String,
@@ -52,7 +53,8 @@ pub struct RoleInfo {
 }
 
 /// All that `inspect` says.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Inspection {
     /// The file.
     pub path: String,

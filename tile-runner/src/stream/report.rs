@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use linpred_core::PixelState;
-use serde::Serialize;
 
 /// What a run did, and what it could leave.
 #[derive(Clone, Copy, Debug, Default)]
@@ -29,7 +28,8 @@ impl Report {
 
 /// What of an image a run works on, and what it skips. It depends on the image alone, not on the quality or on threads; the papers'
 /// formulas skip no cell.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct Counts {
     /// Pixels of the image.

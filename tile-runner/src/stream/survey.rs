@@ -5,7 +5,6 @@ use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
 use linpred_core::{CELL, FEATURE_NAMES, FEATURES, Formulas, PixelState};
-use serde::Serialize;
 
 use crate::error::Error;
 use crate::row::{RowLayout, RowSource};
@@ -16,10 +15,11 @@ use crate::stream::report::Counts;
 use crate::stream::threads::{pool, stack_bytes};
 
 /// What the pixels of an image hold.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Survey {
     /// What a run will count, but for the papers' formulas, which skip no cell.
-    #[serde(flatten)]
+    #[cfg_attr(feature = "serde", serde(flatten))]
     pub counts: Counts,
     /// Column and row, from the top left of the data window, of the first pixel with a NaN or infinite colour.
     pub first_repaired: Option<[usize; 2]>,
