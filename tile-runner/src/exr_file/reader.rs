@@ -309,13 +309,12 @@ fn read_header(
 fn read_tables(file: &mut File, parts: &[Part]) -> std::io::Result<Vec<Vec<u64>>> {
     let mut from = BufReader::new(file);
     let mut table = |part: &Part| {
-        (0..part.header.chunk_count)
-            .map(|_| {
-                let mut entry = [0; 8];
-                from.read_exact(&mut entry)?;
-                Ok(u64::from_le_bytes(entry))
-            })
-            .collect()
+        let mut table = vec![0_u64; part.header.chunk_count];
+        from.read_exact(bytemuck::cast_slice_mut(&mut table))?;
+        table
+            .iter_mut()
+            .for_each(|offset| *offset = u64::from_le(*offset));
+        Ok(table)
     };
     parts.iter().map(&mut table).collect()
 }

@@ -47,7 +47,8 @@ pub(crate) struct PartRows {
     /// Which row of chunks is decoded.
     current: Option<usize>,
     chunks: Vec<Chunk>,
-    scratch: Vec<u8>,
+    /// A row of half floats on its way to `f32`.
+    halves: Vec<f16>,
 }
 
 #[derive(Debug)]
@@ -82,7 +83,7 @@ impl PartRows {
             types,
             current: None,
             chunks: Vec::new(),
-            scratch: Vec::new(),
+            halves: Vec::new(),
         })
     }
 
@@ -117,15 +118,26 @@ impl PartRows {
         y: usize,
         out: &mut [f32],
     ) -> Result<(), Error> {
-        let kind = self.types[channel];
-        let mut scratch = std::mem::take(&mut self.scratch);
-        scratch.resize(out.len() * kind.bytes_per_sample(), 0);
-        let result = self.copy_row(channel, y, &mut scratch);
-        if result.is_ok() {
-            decode_samples(kind, &scratch, out);
+        match self.types[channel] {
+            SampleType::F32 => self.copy_row(channel, y, bytemuck::cast_slice_mut(out)),
+            SampleType::U32 => {
+                self.copy_row(channel, y, bytemuck::cast_slice_mut(out))?;
+                out.iter_mut()
+                    .for_each(|value| *value = value.to_bits() as f32);
+                Ok(())
+            }
+            SampleType::F16 => {
+                let mut halves = std::mem::take(&mut self.halves);
+                halves.resize(out.len(), f16::ZERO);
+                let result = self.copy_row(channel, y, bytemuck::cast_slice_mut(&mut halves));
+                if result.is_ok() {
+                    // as a slice: the processor's own instructions, where it has them
+                    halves.convert_to_f32_slice(out);
+                }
+                self.halves = halves;
+                result
+            }
         }
-        self.scratch = scratch;
-        result
     }
 
     /// Decodes the row of chunks that holds row `y`, if it is not the current one.
@@ -168,30 +180,5 @@ impl PartRows {
         let line = (y - chunk.bounds.position.1 as usize) * bytes(&mut (0..self.types.len()));
         let start = width * (line + bytes(&mut (0..channel)));
         &chunk.bytes[start..start + width * self.types[channel].bytes_per_sample()]
-    }
-}
-
-fn decode_samples(kind: SampleType, bytes: &[u8], out: &mut [f32]) {
-    match kind {
-        SampleType::F32 => {
-            for (value, sample) in out.iter_mut().zip(bytes.chunks_exact(4)) {
-                *value = f32::from_ne_bytes([sample[0], sample[1], sample[2], sample[3]]);
-            }
-        }
-        SampleType::U32 => {
-            for (value, sample) in out.iter_mut().zip(bytes.chunks_exact(4)) {
-                *value = u32::from_ne_bytes([sample[0], sample[1], sample[2], sample[3]]) as f32;
-            }
-        }
-        SampleType::F16 => {
-            // converted in runs: the slice conversion uses the processor's instructions where it has them
-            let mut halves = [f16::ZERO; 256];
-            for (values, samples) in out.chunks_mut(256).zip(bytes.chunks(512)) {
-                for (half, sample) in halves.iter_mut().zip(samples.chunks_exact(2)) {
-                    *half = f16::from_ne_bytes([sample[0], sample[1]]);
-                }
-                halves[..values.len()].convert_to_f32_slice(values);
-            }
-        }
     }
 }

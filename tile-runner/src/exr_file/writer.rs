@@ -112,13 +112,12 @@ impl ExrWriter {
             self.tables.iter().flatten().all(|&offset| offset != 0),
             "a chunk was not written"
         );
-        let bytes: Vec<u8> = self
-            .tables
-            .iter()
-            .flatten()
-            .flat_map(|offset| offset.to_le_bytes())
-            .collect();
-        self.file.patch(self.tables_at, &bytes)?;
+        let mut tables = self.tables.concat();
+        tables
+            .iter_mut()
+            .for_each(|offset| *offset = offset.to_le());
+        self.file
+            .patch(self.tables_at, bytemuck::cast_slice(&tables))?;
         self.file.finish()
     }
 }

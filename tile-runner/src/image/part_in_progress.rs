@@ -261,20 +261,19 @@ impl Lines {
 fn encode_samples(kind: SampleType, values: &[f32], out: &mut [u8]) -> u64 {
     match kind {
         SampleType::F32 => {
-            for (sample, value) in out.chunks_exact_mut(4).zip(values) {
-                sample.copy_from_slice(&value.to_ne_bytes());
-            }
+            out.copy_from_slice(bytemuck::cast_slice(values));
             0
         }
         SampleType::F16 => {
             let mut clamped = 0;
-            for (sample, &value) in out.chunks_exact_mut(2).zip(values) {
+            let (samples, _) = out.as_chunks_mut::<2>();
+            for (sample, &value) in samples.iter_mut().zip(values) {
                 let mut half = f16::from_f32(value);
                 if half.is_infinite() && value.is_finite() {
                     half = if value > 0.0 { f16::MAX } else { f16::MIN };
                     clamped += 1;
                 }
-                sample.copy_from_slice(&half.to_ne_bytes());
+                *sample = bytemuck::cast(half);
             }
             clamped
         }
@@ -289,13 +288,11 @@ mod tests {
 
     #[test]
     fn a_value_beyond_half_precision_becomes_the_largest_half_and_is_counted() {
-        let mut bytes = [0; 8];
-        let clamped = encode_samples(SampleType::F16, &[1.0, 70000.0, -1e9, 65504.0], &mut bytes);
-        let halves: Vec<f32> = bytes
-            .chunks_exact(2)
-            .map(|b| f16::from_ne_bytes([b[0], b[1]]).to_f32())
-            .collect();
-        assert_eq!(halves, [1.0, 65504.0, -65504.0, 65504.0]);
+        let mut halves = [f16::ZERO; 4];
+        let values = [1.0, 70000.0, -1e9, 65504.0];
+        let bytes = bytemuck::bytes_of_mut(&mut halves);
+        let clamped = encode_samples(SampleType::F16, &values, bytes);
+        assert_eq!(halves.map(f16::to_f32), [1.0, 65504.0, -65504.0, 65504.0]);
         assert_eq!(clamped, 2);
     }
 }

@@ -15,7 +15,7 @@ use huffman::{Huffman, VALUES};
 use wavelet::Plane;
 
 /// Turns a chunk into its payload, or leaves it as it is where that would be no shorter. `chunk` holds the samples of `bounds`, for
-/// each line, for each channel, little-endian. Works in as much memory again.
+/// each line, for each channel, in the byte order of the file, which is that of this machine. Works in as much memory again.
 pub(super) fn encode(channels: &[ChannelDescription], bounds: IntegerBounds, chunk: &mut Vec<u8>) {
     let (columns, rows) = (bounds.size.0, bounds.size.1);
     let words_per_sample =
@@ -55,14 +55,16 @@ pub(super) fn encode(channels: &[ChannelDescription], bounds: IntegerBounds, chu
 
 /// The chunk's words, one channel after another. `steps` are the words of a sample of each channel.
 fn split(chunk: &[u8], steps: &[usize], columns: usize) -> Vec<u16> {
-    let mut words = Vec::with_capacity(chunk.len() / 2);
+    let mut words = vec![0_u16; chunk.len() / 2];
+    let mut rest = bytemuck::cast_slice_mut(&mut words);
     let line = 2 * columns * steps.iter().sum::<usize>();
     let mut start = 0;
     for step in steps {
         let length = 2 * columns * step;
         for line in chunk.chunks_exact(line.max(1)) {
-            let samples = line[start..start + length].chunks_exact(2);
-            words.extend(samples.map(|word| u16::from_le_bytes([word[0], word[1]])));
+            let samples: &mut [u8];
+            (samples, rest) = rest.split_at_mut(length);
+            samples.copy_from_slice(&line[start..start + length]);
         }
         start += length;
     }
