@@ -109,7 +109,7 @@ impl PartInProgress {
         clamped
     }
 
-    /// Writes the row of chunks whose last row `y` was, if it was.
+    /// Writes a row of chunks once `y`, its last row, is there.
     pub(crate) fn write_full_chunks(
         &mut self,
         y: usize,

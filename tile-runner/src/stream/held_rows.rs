@@ -144,7 +144,7 @@ impl GuideRow {
         self.find_noise(k);
     }
 
-    /// To be called when the variances of feature `k` have changed.
+    /// Notes anew where feature `k` has a variance; call it after changing those.
     pub(crate) fn find_noise(&mut self, k: usize) {
         let variances = &self.feature_variances[k];
         let first = variances.iter().position(|v| *v > 0.0).unwrap_or(0);

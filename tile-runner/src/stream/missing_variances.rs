@@ -13,7 +13,7 @@ use crate::stream::instruction_set::InstructionSet;
 /// Blocks that each thread estimates before their results are stored.
 const BLOCKS_PER_THREAD: usize = 4;
 
-/// Which variances are to be estimated.
+/// Which variances to estimate.
 #[derive(Clone, Copy)]
 pub(crate) struct Missing {
     colour: bool,

@@ -59,7 +59,7 @@ pub struct Push {
 }
 
 impl Push {
-    /// The row that is to be pushed next; the image's height after the last.
+    /// The next row to push; the image's height after the last.
     pub fn next_row(&self) -> usize {
         self.next
     }
