@@ -186,25 +186,20 @@ impl PartInProgress {
             Kept::Nothing => self.chunk.resize(bytes, 0),
             Kept::Chunks => {
                 let above = self.first_row / self.part.grid.chunk_height();
-                let place = (column, above + chunk_row);
-                let old = &self.input.parts()[self.part.index].header.channels;
-                let same = old == channels;
-                let decoded = if same {
-                    &mut self.chunk
-                } else {
-                    &mut self.decoded
-                };
-                self.input
-                    .decode_chunk(&self.codec, self.part.index, place, |_| true, decoded)?;
-                if same {
-                    return Ok(());
+                let (index, place) = (self.part.index, (column, above + chunk_row));
+                let old = &self.input.parts()[index].header.channels;
+                if old == channels {
+                    let (codec, chunk) = (&self.codec, &mut self.chunk);
+                    return (self.input).decode_chunk(codec, index, place, |_| true, chunk);
                 }
-                let from = Lines::new(old, bounds);
+                let (codec, decoded) = (&self.codec, &mut self.decoded);
+                (self.input).decode_chunk(codec, index, place, |_| true, decoded)?;
                 self.chunk.resize(bytes, 0);
+                let from = Lines::new(old, bounds);
                 for (channel, old) in kept {
                     for line in 0..bounds.size.1 {
-                        self.chunk[to.range(channel, line)]
-                            .copy_from_slice(&self.decoded[from.range(old, line)]);
+                        let samples = &self.decoded[from.range(old, line)];
+                        self.chunk[to.range(channel, line)].copy_from_slice(samples);
                     }
                 }
             }

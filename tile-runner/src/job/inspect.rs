@@ -278,39 +278,38 @@ fn type_name(kind: exr::meta::attribute::SampleType) -> &'static str {
     }
 }
 
+impl fmt::Display for PartInfo {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [x, y] = self.origin;
+        let copied = match self.passed_through {
+            true => ", copied as it is",
+            false => "",
+        };
+        writeln!(
+            f,
+            "  {}: {} x {} at ({x}, {y}), {} compression, {}{copied}",
+            self.label, self.width, self.height, self.compression, self.chunks
+        )?;
+        writeln!(f, "    {}", self.channels.join(", "))?;
+        match &self.refusal {
+            Some(refusal) => writeln!(f, "    not decoded: {refusal}"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl fmt::Display for RoleInfo {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let channels = self.channels.join(" ");
+        writeln!(f, "  {:<16} {channels}  [{}]", self.role, self.rule)
+    }
+}
+
 impl fmt::Display for Inspection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}", self.path)?;
-        for part in &self.parts {
-            write!(
-                f,
-                "  {}: {} x {} at ({}, {})",
-                part.label, part.width, part.height, part.origin[0], part.origin[1]
-            )?;
-            write!(f, ", {} compression, {}", part.compression, part.chunks)?;
-            writeln!(
-                f,
-                "{}",
-                if part.passed_through {
-                    ", copied as it is"
-                } else {
-                    ""
-                }
-            )?;
-            writeln!(f, "    {}", part.channels.join(", "))?;
-            if let Some(refusal) = &part.refusal {
-                writeln!(f, "    not decoded: {refusal}")?;
-            }
-        }
-        for role in &self.roles {
-            writeln!(
-                f,
-                "  {:<16} {}  [{}]",
-                role.role,
-                role.channels.join(" "),
-                role.rule
-            )?;
-        }
+        self.parts.iter().try_for_each(|part| write!(f, "{part}"))?;
+        self.roles.iter().try_for_each(|role| write!(f, "{role}"))?;
         if let Some(variance) = &self.variance {
             writeln!(f, "  variance from     {variance}")?;
             writeln!(

@@ -18,26 +18,21 @@ impl Search<'_> {
         if let Some(file) = self.request.other_half {
             return Ok(Variance::OtherFile(self.twins(&colour, file)?));
         }
-        let halves = triple(self.get(Role::HalfA)).zip(triple(self.get(Role::HalfB)));
+        let [a, b] = [Role::HalfA, Role::HalfB].map(|role| triple(self.get(role)));
+        let halves = a.zip(b).map(|(a, b)| Variance::Halves {
+            a: a.to_vec(),
+            b: b.to_vec(),
+        });
         let by_user = |role| self.get(role).is_some_and(|a| a.by_user);
-        if let Some((a, b)) = halves
+        if let Some(halves) = &halves
             && by_user(Role::HalfA)
             && !by_user(Role::Variance)
         {
-            return Ok(Variance::Halves {
-                a: a.to_vec(),
-                b: b.to_vec(),
-            });
+            return Ok(halves.clone());
         }
         let Some(given) = self.get(Role::Variance).cloned() else {
             let unwanted = self.request.map.iter().any(|m| m.role == Role::Variance);
-            return Ok(match halves {
-                Some((a, b)) if !unwanted => Variance::Halves {
-                    a: a.to_vec(),
-                    b: b.to_vec(),
-                },
-                _ => Variance::None,
-            });
+            return Ok(halves.filter(|_| !unwanted).unwrap_or(Variance::None));
         };
         if halves.is_some() {
             self.notes.push("half buffers not used: the given variance is better (theirs has one degree of freedom)".into());
