@@ -37,7 +37,7 @@ pub struct RowLayout {
 }
 
 impl RowLayout {
-    /// Rows of a colour alone.
+    /// An image with a colour and nothing beside it.
     pub fn new(size: ImageSize, variance: VarianceKind) -> Self {
         Self {
             size,
@@ -48,24 +48,24 @@ impl RowLayout {
         }
     }
 
-    /// Rows of an image of another size.
+    /// The same of another size.
     pub fn with_size(self, size: ImageSize) -> Self {
         Self { size, ..self }
     }
 
-    /// Rows with a feature, whose variances are estimated.
+    /// Adds a feature, whose variances the pipeline estimates.
     pub fn with_feature(mut self, feature: Feature) -> Self {
         self.features[feature.range()].fill(true);
         self
     }
 
-    /// Rows with a feature and its variances.
+    /// Adds a feature that comes with its variances.
     pub fn with_feature_and_variance(mut self, feature: Feature) -> Self {
         self.feature_variances[feature.range()].fill(true);
         self.with_feature(feature)
     }
 
-    /// Rows with so many layers beside the colour.
+    /// With this many layers beside the colour.
     pub fn with_layers(self, layers: usize) -> Self {
         Self { layers, ..self }
     }

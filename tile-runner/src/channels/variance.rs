@@ -77,7 +77,7 @@ pub enum Variance {
     /// The same channels in the image of the other half of the samples: the mean is that of the two images, and half their
     /// difference, squared, its variance.
     OtherFile(Vec<ChannelRef>),
-    /// Nothing: estimated from the picture (colour) or taken as free of noise (features).
+    /// Nothing: it is estimated from the picture.
     None,
 }
 

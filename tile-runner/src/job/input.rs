@@ -29,6 +29,16 @@ pub struct InputRequest {
     pub layers: Vec<String>,
 }
 
+impl InputRequest {
+    /// The image at `path`, with the roles that its names suggest.
+    pub fn new(path: impl Into<PathBuf>) -> Self {
+        Self {
+            path: path.into(),
+            ..Self::default()
+        }
+    }
+}
+
 /// An opened input whose channels have their roles.
 #[derive(Clone, Debug)]
 pub struct Input {

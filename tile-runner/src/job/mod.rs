@@ -1,4 +1,21 @@
 //! What one command does: a file is denoised, inspected, compared with another, put together of bands.
+//!
+//! ```no_run
+//! use std::path::Path;
+//! use std::sync::Arc;
+//! use std::sync::atomic::AtomicBool;
+//!
+//! use linpred::job::{Input, InputRequest, JobOptions, denoise};
+//!
+//! fn main() -> Result<(), linpred::Error> {
+//!     let input = Input::open(&InputRequest::new("noisy.exr"))?;
+//!     let never = Arc::new(AtomicBool::new(false));
+//!     let mut progress = |rows| println!("{rows} of {} rows", input.height());
+//!     let done = denoise(&input, Path::new("clean.exr"), &JobOptions::default(), &never, &mut progress)?;
+//!     println!("{} models", done.report.models);
+//!     Ok(())
+//! }
+//! ```
 
 mod band;
 mod compare;

@@ -30,12 +30,12 @@ impl JobOptions {
         }
     }
 
-    /// With these layers beside the colour.
+    /// Writes these layers beside the colour.
     pub fn with_extra(self, extra: ExtraLayers) -> Self {
         Self { extra, ..self }
     }
 
-    /// Within so many bytes of memory.
+    /// Keeps within this many bytes of memory.
     pub fn with_memory_limit(self, memory_limit: u64) -> Self {
         Self {
             memory_limit,

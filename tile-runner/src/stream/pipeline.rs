@@ -39,7 +39,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// To compute `params` on as many threads as there are processors.
+    /// Computes `params` on as many threads as there are processors.
     pub fn new(params: Params) -> Self {
         Self {
             params,
@@ -47,14 +47,14 @@ impl Options {
         }
     }
 
-    /// On so many threads.
+    /// Computes on this many threads.
     pub fn with_threads(self, threads: NonZeroUsize) -> Self {
         Self { threads, ..self }
     }
 }
 
 impl Default for Options {
-    /// To compute the default parameters on as many threads as there are processors.
+    /// Computes the default parameters on as many threads as there are processors.
     fn default() -> Self {
         Self::new(Params::default())
     }

@@ -17,7 +17,7 @@ use crate::stream::overlap::ROWS_IN_FLIGHT;
 use crate::stream::pipeline::{self, Options};
 use crate::stream::report::Report;
 
-/// Begins to denoise an image whose rows will be pushed. [`Error::Budget`] if the system gives no thread.
+/// Starts to denoise an image whose rows will be pushed. [`Error::Budget`] if the system gives no thread.
 pub fn start(layout: RowLayout, options: Options) -> Result<(Push, Denoised), Error> {
     let (push, pushed) = sync_channel(ROWS_IN_FLIGHT);
     let (used, free) = channel();

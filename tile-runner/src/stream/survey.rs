@@ -36,7 +36,7 @@ pub struct Survey {
 }
 
 /// Bytes that a survey takes at most, beside the source.
-pub fn bytes(layout: &RowLayout, threads: NonZeroUsize) -> u64 {
+pub(crate) fn bytes(layout: &RowLayout, threads: NonZeroUsize) -> u64 {
     let threads = threads.get() as u64;
     Preparation::bytes(layout, threads).saturating_add(stack_bytes(threads))
 }
