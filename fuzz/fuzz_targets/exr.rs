@@ -8,10 +8,8 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use libfuzzer_sys::fuzz_target;
-use linpred::inspect::inspect;
-use linpred::job::{Input, InputRequest, JobOptions, denoise};
-use linpred::pipeline::Options;
-use linpred::rewrite::ExtraLayers;
+use linpred::Options;
+use linpred::job::{denoise, inspect, Input, InputRequest, JobOptions};
 use linpred_core::{Params, Quality};
 
 /// Bytes of memory that a file may ask for.
@@ -34,15 +32,8 @@ fuzz_target!(|data: &[u8]| {
     if input.width().saturating_mul(input.height()) > PIXELS {
         return;
     }
-    let options = JobOptions {
-        pipeline: Options {
-            params: Params::new(Quality::Fast),
-            threads: NonZeroUsize::MIN,
-        },
-        extra: ExtraLayers::default(),
-        memory_limit: MEMORY,
-        band: None,
-    };
+    let pipeline = Options::new(Params::new(Quality::Fast)).with_threads(NonZeroUsize::MIN);
+    let options = JobOptions::new(pipeline).with_memory_limit(MEMORY);
     let output = file.path().with_extension("out.exr");
     let stop = Arc::new(AtomicBool::new(false));
     let result = denoise(&input, &output, &options, &stop, &mut |_| ());

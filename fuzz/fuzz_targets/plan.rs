@@ -9,11 +9,8 @@ use std::num::NonZeroUsize;
 use std::ops::{ControlFlow, Range};
 
 use libfuzzer_sys::fuzz_target;
-use linpred::band::{Band, BandSink, BandSource};
-use linpred::error::Error;
-use linpred::geometry::ImageSize;
-use linpred::pipeline::{Options, denoise};
-use linpred::row::{FEATURES, InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
+use linpred::{denoise, Error, FEATURES, ImageSize, InputRow, Options, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
+use linpred::job::{Band, BandSink, BandSource};
 use linpred_core::{Params, Quality};
 
 fuzz_target!(|data: &[u8]| {
@@ -23,25 +20,21 @@ fuzz_target!(|data: &[u8]| {
     };
     let size = ImageSize::new(1 + usize::from(width) % 64, 1 + usize::from(height) % 128);
     let Some(size) = size else { return };
+    let mut layout = RowLayout::new(size, VarianceKind::OfMean);
+    layout.features = [rest & 4 != 0; FEATURES];
+    layout.feature_variances = [rest & 8 != 0; FEATURES];
+    layout.layers = usize::from(rest & 16 != 0);
     let frame = Frame {
-        layout: RowLayout {
-            size,
-            variance: VarianceKind::OfMean,
-            features: [rest & 4 != 0; FEATURES],
-            feature_variances: [rest & 8 != 0; FEATURES],
-            layers: usize::from(rest & 16 != 0),
-        },
+        layout,
         states,
         next: 0,
     };
-    let options = Options {
-        params: Params::new(if spare & 1 == 0 {
-            Quality::Fast
-        } else {
-            Quality::Balanced
-        }),
-        threads: NonZeroUsize::new(1 + usize::from(rest & 3)).unwrap_or(NonZeroUsize::MIN),
+    let quality = match spare & 1 {
+        0 => Quality::Fast,
+        _ => Quality::Balanced,
     };
+    let threads = NonZeroUsize::new(1 + usize::from(rest & 3)).unwrap_or(NonZeroUsize::MIN);
+    let options = Options::new(Params::new(quality)).with_threads(threads);
     let whole = run(&frame, 0..size.height(), &options);
     assert_eq!(whole.len(), size.height());
     for (y, row) in whole.iter().enumerate() {

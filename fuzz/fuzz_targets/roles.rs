@@ -7,9 +7,8 @@
 use std::collections::BTreeSet;
 
 use libfuzzer_sys::fuzz_target;
+use linpred::channels::{Mapping, Preset, RoleRequest};
 use linpred::job::{Input, InputRequest};
-use linpred::presets::Preset;
-use linpred::roles::{Mapping, RoleRequest};
 use linpred_tests::images::{float, half, part, write};
 
 const PRESETS: [&str; 7] = [

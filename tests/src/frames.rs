@@ -3,11 +3,11 @@
 use std::num::NonZeroUsize;
 use std::ops::{ControlFlow, Range};
 
-use linpred::error::Error;
-use linpred::geometry::ImageSize;
-use linpred::pipeline::{Options, Report, denoise};
-use linpred::row::{FEATURES, InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
 use linpred::survey::{Survey, survey};
+use linpred::{
+    Error, FEATURES, ImageSize, InputRow, Options, OutputRow, Report, RowLayout, RowSink,
+    RowSource, VarianceKind, denoise,
+};
 use linpred_core::Params;
 use proptest::prelude::{Just, Strategy, any};
 use proptest::sample::select;
@@ -80,17 +80,14 @@ impl Scene {
     /// The image.
     pub fn render(&self) -> Frame {
         let (width, height) = self.size;
-        let layout = RowLayout {
-            size: ImageSize::new(width, height).expect("not empty"),
-            variance: if self.variances {
-                VarianceKind::OfMean
-            } else {
-                VarianceKind::Estimated
-            },
-            features: [self.features; FEATURES],
-            feature_variances: [self.features && self.variances; FEATURES],
-            layers: self.layers,
+        let size = ImageSize::new(width, height).expect("not empty");
+        let variance = match self.variances {
+            true => VarianceKind::OfMean,
+            false => VarianceKind::Estimated,
         };
+        let mut layout = RowLayout::new(size, variance).with_layers(self.layers);
+        layout.features = [self.features; FEATURES];
+        layout.feature_variances = [self.features && self.variances; FEATURES];
         let mut frame = Frame {
             layout,
             rows: (0..height).map(|_| InputRow::new(&layout)).collect(),
@@ -179,10 +176,7 @@ impl Frame {
     pub fn crop(&self, rows: Range<usize>) -> Self {
         let size = ImageSize::new(self.width(), rows.len()).expect("not empty");
         Self {
-            layout: RowLayout {
-                size,
-                ..self.layout
-            },
+            layout: self.layout.with_size(size),
             rows: self.rows[rows.clone()].to_vec(),
             truth: self.truth[rows.start * self.width()..rows.end * self.width()].to_vec(),
         }
@@ -200,10 +194,8 @@ impl Frame {
             next: 0,
         };
         let mut sink = Taken { rows: Vec::new() };
-        let options = Options {
-            params,
-            threads: NonZeroUsize::new(threads).expect("at least one"),
-        };
+        let threads = NonZeroUsize::new(threads).expect("at least one");
+        let options = Options::new(params).with_threads(threads);
         let report = denoise(&mut source, &mut sink, &options, &mut |_| {
             ControlFlow::Continue(())
         })

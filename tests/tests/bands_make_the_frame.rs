@@ -161,7 +161,7 @@ fn bands_that_do_not_make_a_frame_are_refused() {
     denoise(folder, "l3.exr", &["--band", "3/3", "--error-layer"]).succeeds();
     stitch(folder, &["b1.exr", "b2.exr", "l3.exr"])
         .exits_with(3)
-        .complains_about(&["not bands of one frame"]);
+        .complains_about(&["not bands of one image"]);
     assert!(!folder.join("stitched.exr").exists());
     fs::copy(folder.join("b1.exr"), folder.join("stitched.exr")).unwrap();
     stitch(folder, &["stitched.exr", "b2.exr", "b3.exr"])

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use exr::prelude::FlatSamples;
-use linpred::row::{FEATURE_NAMES, InputRow};
+use linpred::{FEATURE_NAMES, InputRow};
 use linpred_core::{Params, Quality};
 use linpred_tests::command::{denoise, linpred};
 use linpred_tests::frames::{Frame, Scene, scenes};

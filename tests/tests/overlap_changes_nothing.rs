@@ -3,10 +3,8 @@
 use std::num::NonZeroUsize;
 use std::thread;
 
-use linpred::error::Error;
-use linpred::geometry::ImageSize;
 use linpred::overlap::{ReadAhead, WriteBehind};
-use linpred::row::{FEATURES, InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
+use linpred::{Error, ImageSize, InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
 
 const WIDTH: usize = 3;
 
@@ -18,13 +16,8 @@ struct Numbers {
 
 impl RowSource for Numbers {
     fn layout(&self) -> RowLayout {
-        RowLayout {
-            size: ImageSize::new(WIDTH, self.rows).unwrap(),
-            variance: VarianceKind::Estimated,
-            features: [false; FEATURES],
-            feature_variances: [false; FEATURES],
-            layers: 0,
-        }
+        let size = ImageSize::new(WIDTH, self.rows).unwrap();
+        RowLayout::new(size, VarianceKind::Estimated)
     }
 
     fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), Error> {
@@ -62,14 +55,9 @@ fn copy(source: &mut Numbers, sink: &mut Memory) -> Result<(), Error> {
         let mut input = InputRow::new(&ahead.layout());
         let copied = (0..rows).try_for_each(|y| {
             ahead.read_row(y, &mut input)?;
-            let colour = input.colour.clone();
-            behind.write_row(
-                y,
-                &OutputRow {
-                    colour,
-                    ..OutputRow::default()
-                },
-            )
+            let mut output = OutputRow::default();
+            output.colour.clone_from(&input.colour);
+            behind.write_row(y, &output)
         });
         drop(ahead);
         behind.finish()?;

@@ -3,29 +3,23 @@
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
-use linpred::error::Error;
-use linpred::geometry::ImageSize;
-use linpred::pipeline::{self, Options};
-use linpred::push;
-use linpred::row::{FEATURES, InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
+use linpred::{
+    Error, Feature, ImageSize, InputRow, Options, OutputRow, RowLayout, RowSink, RowSource,
+    VarianceKind, denoise, push,
+};
 use linpred_core::{Params, Quality};
 use linpred_tests::images::noise;
 
 fn options() -> Options {
-    Options {
-        params: Params::new(Quality::Fast),
-        threads: NonZeroUsize::new(2).unwrap(),
-    }
+    Options::new(Params::new(Quality::Fast)).with_threads(NonZeroUsize::new(2).unwrap())
 }
 
 fn layout(width: usize, height: usize) -> RowLayout {
-    RowLayout {
-        size: ImageSize::new(width, height).unwrap(),
-        variance: VarianceKind::Estimated,
-        features: [true; FEATURES],
-        feature_variances: [false; FEATURES],
-        layers: 1,
-    }
+    let size = ImageSize::new(width, height).unwrap();
+    let layout = RowLayout::new(size, VarianceKind::Estimated).with_layers(1);
+    Feature::ALL
+        .into_iter()
+        .fold(layout, RowLayout::with_feature)
 }
 
 /// Rows of noise.
@@ -73,7 +67,7 @@ fn pushed_rows_have_the_bits_of_rows_that_were_asked_for() {
     let mut source = Noise(layout(47, 90));
     let mut asked = Collect::default();
     let go_on = &mut |_| ControlFlow::Continue(());
-    let report = pipeline::denoise(&mut source, &mut asked, &options(), go_on).unwrap();
+    let report = denoise(&mut source, &mut asked, &options(), go_on).unwrap();
     let (mut push, mut denoised) = push::start(source.layout(), options()).unwrap();
     let pusher = std::thread::spawn(move || push_to(&mut push, 90));
     let pulled: Vec<_> = denoised.by_ref().map(Result::unwrap).collect();

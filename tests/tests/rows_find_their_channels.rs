@@ -5,10 +5,9 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use exr::prelude::*;
+use linpred::image::{ExrSink, ExtraLayers};
 use linpred::job::{Input, InputRequest};
-use linpred::rewrite::ExtraLayers;
-use linpred::row::{InputRow, OutputRow, RowSink, RowSource, VarianceKind};
-use linpred::sink::ExrSink;
+use linpred::{InputRow, OutputRow, RowSink, RowSource, VarianceKind};
 use linpred_tests::command::linpred;
 use linpred_tests::images::{
     NamedSamples, TestPart, channel_names, colour, constant, everything, half, noise, part, read,
@@ -31,17 +30,8 @@ fn open(path: &Path, layers: &[&str]) -> Input {
 
 /// A sink for what denoising `input` gives.
 fn sink(input: &Input, output: &Path, extra: ExtraLayers) -> ExrSink {
-    let plan = input.rewrite(extra).unwrap();
     let stop = Arc::new(AtomicBool::new(false));
-    ExrSink::create(
-        output,
-        input.file().clone(),
-        plan,
-        input.file().codec(),
-        LIMIT,
-        stop,
-    )
-    .unwrap()
+    input.sink(output, extra, LIMIT, stop).unwrap()
 }
 
 /// Every row of a source.
@@ -61,15 +51,14 @@ fn rows(input: &Input) -> Vec<InputRow> {
 fn write_constants(input: &Input, output: &Path, extra: ExtraLayers) {
     let mut sink = sink(input, output, extra);
     let plane = |value| vec![value; SIZE.0];
-    let row = OutputRow {
-        colour: [plane(0.5), plane(1.5), plane(2.5)],
-        error: plane(3.0),
-        radius: plane(4.0),
-        rank: plane(5.0),
-        layers: (0..input.layers.len() as u8)
-            .map(|n| [0.0, 0.25, 0.5].map(|k| plane(8.0 + f32::from(n) + k)))
-            .collect(),
-    };
+    let mut row = OutputRow::default();
+    row.colour = [plane(0.5), plane(1.5), plane(2.5)];
+    row.error = plane(3.0);
+    row.radius = plane(4.0);
+    row.rank = plane(5.0);
+    row.layers = (0..input.layers.len() as u8)
+        .map(|n| [0.0, 0.25, 0.5].map(|k| plane(8.0 + f32::from(n) + k)))
+        .collect();
     for y in 0..SIZE.1 {
         sink.write_row(y, &row).unwrap();
     }
@@ -286,10 +275,8 @@ fn a_colour_beyond_half_precision_is_clamped_and_counted() {
     );
     let input = open(&path, &[]);
     let mut sink = sink(&input, &output, ExtraLayers::default());
-    let row = OutputRow {
-        colour: [(); 3].map(|()| vec![1e6; SIZE.0]),
-        ..OutputRow::default()
-    };
+    let mut row = OutputRow::default();
+    row.colour = [(); 3].map(|()| vec![1e6; SIZE.0]);
     for y in 0..SIZE.1 {
         sink.write_row(y, &row).unwrap();
     }

@@ -1,6 +1,6 @@
 //! What an image is measured in, and in which order its channels come, changes nothing but the same of the output.
 
-use linpred::row::InputRow;
+use linpred::InputRow;
 use linpred_core::{Params, Quality};
 use linpred_tests::frames::{Frame, Output, Scene};
 use linpred_tests::tolerance::{CHANNEL_ORDER, EXPOSURE, FEATURE_UNITS, close};

@@ -9,11 +9,10 @@ use std::error::Error;
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
-use linpred::geometry::ImageSize;
-use linpred::pipeline::{self, Options};
-use linpred::push;
-use linpred::row::{FEATURES, InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
-use linpred_core::{Params, Quality};
+use linpred::{
+    Feature, ImageSize, InputRow, Options, OutputRow, Params, Quality, RowLayout, RowSink,
+    RowSource, VarianceKind, denoise, push,
+};
 
 /// Pixels on the side of a bucket.
 const BUCKET: usize = 32;
@@ -22,20 +21,8 @@ const HEIGHT: usize = 150;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let size = ImageSize::new(WIDTH, HEIGHT).ok_or("an empty image")?;
-    let mut features = [false; FEATURES];
-    // the normal: x, y, z
-    features[..3].fill(true);
-    let layout = RowLayout {
-        size,
-        variance: VarianceKind::OfMean,
-        features,
-        feature_variances: [false; FEATURES],
-        layers: 0,
-    };
-    let options = Options {
-        params: Params::new(Quality::Fast),
-        threads: NonZeroUsize::MIN,
-    };
+    let layout = RowLayout::new(size, VarianceKind::OfMean).with_feature(Feature::Normal);
+    let options = Options::new(Params::new(Quality::Fast)).with_threads(NonZeroUsize::MIN);
 
     let (mut push, denoised) = push::start(layout, options)?;
     let pulled = std::thread::spawn(move || denoised.collect::<Result<Vec<_>, _>>());
@@ -57,7 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let pulled = pulled.join().map_err(|_| "the pulling thread died")??;
 
     let mut in_order = Vec::new();
-    pipeline::denoise(
+    denoise(
         &mut frame,
         &mut Collect(&mut in_order),
         &options,
@@ -112,7 +99,7 @@ impl RowSource for Framebuffer {
         self.layout
     }
 
-    fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), linpred::error::Error> {
+    fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), linpred::Error> {
         row.clone_from(&self.rows[y]);
         Ok(())
     }
@@ -121,7 +108,7 @@ impl RowSource for Framebuffer {
 struct Collect<'a>(&'a mut Vec<(usize, OutputRow)>);
 
 impl RowSink for Collect<'_> {
-    fn write_row(&mut self, y: usize, row: &OutputRow) -> Result<(), linpred::error::Error> {
+    fn write_row(&mut self, y: usize, row: &OutputRow) -> Result<(), linpred::Error> {
         self.0.push((y, row.clone()));
         Ok(())
     }
@@ -137,7 +124,7 @@ fn render_pixel(x: usize, y: usize, row: &mut InputRow) {
         [0.0, 0.0, 1.0]
     };
     let light = 0.6 - 0.4 * normal[1];
-    for (plane, value) in row.features.iter_mut().zip(normal) {
+    for (plane, value) in row.feature_mut(Feature::Normal).iter_mut().zip(normal) {
         plane[x] = value;
     }
     for channel in 0..3 {

@@ -10,7 +10,7 @@ fn main() -> ExitCode {
     cli::allocator::give_large_buffers_back();
     let arguments = cli::args::Arguments::parse();
     cli::log::start(&arguments.log);
-    cli::panics::keep_caught_ones_quiet();
+    linpred::exr_file::coder_panics::tell_caught_ones_to(|panic| tracing::debug!("{panic}"));
     let result = match arguments.command {
         cli::args::Command::Denoise(denoise) => cli::denoise::run(denoise, &arguments.log),
         cli::args::Command::Inspect(inspect) => cli::inspect::run(inspect),
@@ -20,8 +20,8 @@ fn main() -> ExitCode {
     match result {
         Ok(code) => code,
         Err(error) => {
-            tracing::error!("{error}");
-            ExitCode::from(cli::exit::code(&error))
+            tracing::error!("{}", cli::errors::in_words(&error));
+            ExitCode::from(cli::errors::code(&error))
         }
     }
 }

@@ -4,21 +4,9 @@
 //! pipeline turns them into [`OutputRow`]s, from top to bottom, for a [`RowSink`]. Neither end knows the
 //! other, and the pipeline knows neither files nor channel names.
 
+use linpred_core::{FEATURES, Feature};
+
 use crate::geometry::{ImageSize, plane_bytes};
-
-/// Features beside the pixel position: normal x y z, albedo r g b, depth.
-pub const FEATURES: usize = 7;
-
-/// Their names, in that order.
-pub const FEATURE_NAMES: [&str; FEATURES] = [
-    "normal x",
-    "normal y",
-    "normal z",
-    "albedo red",
-    "albedo green",
-    "albedo blue",
-    "depth",
-];
 
 /// Where the variance of the colour comes from once a source has turned it into rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,6 +22,7 @@ pub enum VarianceKind {
 
 /// What a source's rows hold; constant for the whole image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct RowLayout {
     /// Size of the image.
     pub size: ImageSize,
@@ -43,12 +32,53 @@ pub struct RowLayout {
     pub features: [bool; FEATURES],
     /// Which features have variances of their own; planes of the others hold 0, and the pipeline estimates them.
     pub feature_variances: [bool; FEATURES],
-    /// Extra colour layers to denoise with the models of the beauty.
+    /// Extra colour layers to denoise with the models of the colour.
     pub layers: usize,
+}
+
+impl RowLayout {
+    /// An image with a colour and nothing beside it.
+    pub fn new(size: ImageSize, variance: VarianceKind) -> Self {
+        Self {
+            size,
+            variance,
+            features: [false; FEATURES],
+            feature_variances: [false; FEATURES],
+            layers: 0,
+        }
+    }
+
+    /// The same of another size.
+    pub fn with_size(self, size: ImageSize) -> Self {
+        Self { size, ..self }
+    }
+
+    /// Adds a feature, whose variances the pipeline estimates.
+    pub fn with_feature(mut self, feature: Feature) -> Self {
+        self.features[feature.range()].fill(true);
+        self
+    }
+
+    /// Adds a feature that comes with its variances.
+    pub fn with_feature_and_variance(mut self, feature: Feature) -> Self {
+        self.feature_variances[feature.range()].fill(true);
+        self.with_feature(feature)
+    }
+
+    /// With this many layers beside the colour.
+    pub fn with_layers(self, layers: usize) -> Self {
+        Self { layers, ..self }
+    }
+
+    /// Whether the image has a feature.
+    pub(crate) fn has(&self, feature: Feature) -> bool {
+        self.features[feature.range().start]
+    }
 }
 
 /// One row of input. Every plane has the image's width, but those of features that the image lacks are empty.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct InputRow {
     /// Mean radiance, red green blue.
     pub colour: [Vec<f32>; 3],
@@ -79,6 +109,16 @@ impl InputRow {
         }
     }
 
+    /// The planes of a feature: as many as it has channels, empty if the image lacks it.
+    pub fn feature_mut(&mut self, feature: Feature) -> &mut [Vec<f32>] {
+        &mut self.features[feature.range()]
+    }
+
+    /// The planes of its variances.
+    pub fn feature_variance_mut(&mut self, feature: Feature) -> &mut [Vec<f32>] {
+        &mut self.feature_variances[feature.range()]
+    }
+
     /// Whether its planes have the sizes of a row made for `layout`.
     pub fn fits(&self, layout: &RowLayout) -> bool {
         let width = layout.size.width();
@@ -106,6 +146,7 @@ impl InputRow {
 
 /// One row of output. Every plane has the image's width.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct OutputRow {
     /// Denoised radiance, red green blue; always finite.
     pub colour: [Vec<f32>; 3],
@@ -133,16 +174,14 @@ impl OutputRow {
                 .collect(),
         }
     }
-}
 
-impl OutputRow {
     /// Bytes of a row.
     pub fn bytes(layout: &RowLayout) -> u64 {
         plane_bytes(layout.size, 1, 6 + 3 * layout.layers)
     }
 }
 
-/// Delivers the rows of an image.
+/// Delivers the rows of an image. An error of its own is an [`Error::renderer`](crate::Error::renderer).
 pub trait RowSource: Send {
     /// What the rows hold.
     fn layout(&self) -> RowLayout;
@@ -152,7 +191,7 @@ pub trait RowSource: Send {
     fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), crate::error::Error>;
 }
 
-/// Takes the rows of a denoised image.
+/// Takes the rows of a denoised image. An error of its own is an [`Error::renderer`](crate::Error::renderer).
 pub trait RowSink: Send {
     /// Takes row `y`; called once for every row, from 0 to `height - 1`.
     fn write_row(&mut self, y: usize, row: &OutputRow) -> Result<(), crate::error::Error>;

@@ -3,11 +3,8 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use linpred::error::Error;
-use linpred::geometry::ImageSize;
-use linpred::job::{Input, InputRequest};
-use linpred::memory::DEFAULT_LIMIT;
-use linpred::row::{InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
+use linpred::job::{DEFAULT_MEMORY_LIMIT, Input, InputRequest};
+use linpred::{Error, ImageSize, InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
 
 /// A decoded image: every row of every channel that has a role.
 pub(crate) struct Image {
@@ -22,7 +19,7 @@ impl Image {
             path: path.to_owned(),
             ..InputRequest::default()
         };
-        let mut source = Input::open(&request)?.source(DEFAULT_LIMIT)?;
+        let mut source = Input::open(&request)?.source(DEFAULT_MEMORY_LIMIT)?;
         let layout = source.layout();
         let mut rows = Vec::new();
         for y in 0..layout.size.height() {
@@ -56,10 +53,8 @@ impl<'a> MirroredRows<'a> {
     pub(crate) fn new(image: &'a Image, copies: usize) -> Result<Self> {
         let size = image.layout.size;
         let size = ImageSize::new(size.width() * copies, size.height() * copies);
-        let layout = RowLayout {
-            size: size.context("the mirrored image is too large")?,
-            ..image.layout
-        };
+        let size = size.context("the mirrored image is too large")?;
+        let layout = image.layout.with_size(size);
         Ok(Self { image, layout })
     }
 }

@@ -6,8 +6,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
-use linpred::pipeline::{self, Options, Report};
-use linpred::row::RowSink;
+use linpred::{Options, Report, RowSink, denoise};
 use linpred_core::Params;
 use serde::{Deserialize, Serialize};
 
@@ -92,11 +91,11 @@ pub(crate) struct Done {
 
 fn by_linpred(image: &Image, copies: usize, params: Params, threads: NonZeroUsize) -> Result<Done> {
     let mut source = MirroredRows::new(image, copies)?;
-    let options = Options { params, threads };
+    let options = Options::new(params).with_threads(threads);
     let mut kept = Colour::default();
     let sink: &mut dyn RowSink = if copies == 1 { &mut kept } else { &mut Nowhere };
     let (report, cost) = measure(|| {
-        pipeline::denoise(&mut source, sink, &options, &mut |_| {
+        denoise(&mut source, sink, &options, &mut |_| {
             ControlFlow::Continue(())
         })
     });

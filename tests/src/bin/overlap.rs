@@ -13,13 +13,10 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use linpred::exr_file::codec::SharedCodec;
-use linpred::job::{self, Input, InputRequest, JobOptions};
+use linpred::image::ExtraLayers;
+use linpred::job::{Input, InputRequest, JobOptions};
 use linpred::overlap::{ROWS_IN_FLIGHT, ReadAhead, WriteBehind};
-use linpred::pipeline::{self, Options};
-use linpred::rewrite::ExtraLayers;
-use linpred::row::{InputRow, OutputRow, RowLayout, RowSink, RowSource};
-use linpred::sink::ExrSink;
+use linpred::{InputRow, Options, OutputRow, RowLayout, RowSink, RowSource, denoise};
 use linpred_core::{Params, Quality};
 
 /// Rows that are kept in memory and repeated.
@@ -35,15 +32,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         ..InputRequest::default()
     };
     let input = Input::open(&request)?;
-    let options = JobOptions {
-        pipeline: Options {
-            params: Params::new(Quality::Fast),
-            threads: threads.parse::<NonZeroUsize>()?,
-        },
-        extra: ExtraLayers::default(),
-        memory_limit: 4 << 30,
-        band: None,
-    };
+    let threads = threads.parse::<NonZeroUsize>()?;
+    let pipeline = Options::new(Params::new(Quality::Fast)).with_threads(threads);
+    let options = JobOptions::new(pipeline).with_memory_limit(4 << 30);
     let output = Path::new(output);
     let files = timed("reading and writing alone", || {
         read_and_write(&input, output)
@@ -52,7 +43,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let computing = timed("computing alone", || compute(&mut rows, &options.pipeline))?;
     let whole = timed("whole run", || {
         let stop = Arc::new(AtomicBool::new(false));
-        job::denoise(&input, output, &options, &stop, &mut |_| {}).map(drop)
+        linpred::job::denoise(&input, output, &options, &stop, &mut |_| {}).map(drop)
     })?;
     println!("{:.2} times the longer one", whole / files.max(computing));
     Ok(())
@@ -61,8 +52,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// Prints how long `work` takes, and gives its seconds.
 fn timed(
     what: &str,
-    work: impl FnOnce() -> Result<(), linpred::error::Error>,
-) -> Result<f64, linpred::error::Error> {
+    work: impl FnOnce() -> Result<(), linpred::Error>,
+) -> Result<f64, linpred::Error> {
     let (started, before) = (Instant::now(), processor_seconds());
     work()?;
     let seconds = started.elapsed().as_secs_f64();
@@ -85,14 +76,12 @@ fn processor_seconds() -> Option<f64> {
 }
 
 /// Reads what a run reads, and writes what it writes.
-fn read_and_write(input: &Input, output: &Path) -> Result<(), linpred::error::Error> {
+fn read_and_write(input: &Input, output: &Path) -> Result<(), linpred::Error> {
     let mut source = input.source(u64::MAX)?;
     let layout = source.layout();
-    let plan = input.rewrite(ExtraLayers::default())?;
     let stop = Arc::new(AtomicBool::new(false));
-    let codec = SharedCodec::default();
-    let mut sink = ExrSink::create(output, input.file().clone(), plan, &codec, u64::MAX, stop)?;
-    std::thread::scope(|scope| -> Result<(), linpred::error::Error> {
+    let mut sink = input.sink(output, ExtraLayers::default(), u64::MAX, stop)?;
+    std::thread::scope(|scope| -> Result<(), linpred::Error> {
         let mut ahead = ReadAhead::start(scope, &mut source, ROWS_IN_FLIGHT)?;
         let mut behind = WriteBehind::start(scope, &mut sink, ROWS_IN_FLIGHT)?;
         let (mut row, mut out) = (InputRow::new(&layout), OutputRow::new(&layout));
@@ -107,7 +96,7 @@ fn read_and_write(input: &Input, output: &Path) -> Result<(), linpred::error::Er
 }
 
 /// The first rows of a file.
-fn repeated_rows(input: &Input) -> Result<Repeated, linpred::error::Error> {
+fn repeated_rows(input: &Input) -> Result<Repeated, linpred::Error> {
     let mut source = input.source(u64::MAX)?;
     let layout = source.layout();
     let mut rows = Vec::new();
@@ -120,9 +109,9 @@ fn repeated_rows(input: &Input) -> Result<Repeated, linpred::error::Error> {
 }
 
 /// Denoises rows from memory into nothing.
-fn compute(rows: &mut Repeated, options: &Options) -> Result<(), linpred::error::Error> {
+fn compute(rows: &mut Repeated, options: &Options) -> Result<(), linpred::Error> {
     let go_on = &mut |_| ControlFlow::Continue(());
-    pipeline::denoise(rows, &mut Nowhere, options, go_on).map(drop)
+    denoise(rows, &mut Nowhere, options, go_on).map(drop)
 }
 
 /// Rows from memory, forth and back.
@@ -136,7 +125,7 @@ impl RowSource for Repeated {
         self.layout
     }
 
-    fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), linpred::error::Error> {
+    fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), linpred::Error> {
         let inside = y % (2 * self.rows.len());
         row.clone_from(&self.rows[inside.min(2 * self.rows.len() - 1 - inside)]);
         Ok(())
@@ -146,7 +135,7 @@ impl RowSource for Repeated {
 struct Nowhere;
 
 impl RowSink for Nowhere {
-    fn write_row(&mut self, _: usize, _: &OutputRow) -> Result<(), linpred::error::Error> {
+    fn write_row(&mut self, _: usize, _: &OutputRow) -> Result<(), linpred::Error> {
         Ok(())
     }
 }

@@ -4,10 +4,10 @@
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 const LARGE: libc::c_int = 1 << 20;
 
-/// Has large buffers given back as soon as they are freed. To be called before there are threads.
+/// Has large buffers given back as soon as they are freed. Call it before starting a thread.
 ///
 /// Left alone, glibc raises the size from which it does so to that of the largest buffer freed so far, and keeps what is smaller, for each
-/// thread apart: blocks of a file come in all sizes, and on a 4096-wide PIZ render 44 MiB were kept that way. Other systems' allocators do not.
+/// thread apart: chunks of a file come in all sizes, and on a 4096-wide PIZ render 44 MiB were kept that way. Other systems' allocators do not.
 ///
 /// All threads share one arena: each of its own would take 64 MiB of address space, which `ulimit -v` counts, and what is allocated while a
 /// run is under way is large, and little.

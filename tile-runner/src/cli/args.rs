@@ -4,11 +4,10 @@ use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use linpred::band::Band;
-use linpred::memory::parse_size;
-use linpred::presets::PRESET_NAMES;
-use linpred::roles::Mapping;
-use linpred::sequence::parse_frames;
+use linpred::channels::{Mapping, PRESET_NAMES};
+use linpred::job::{Band, parse_frames};
+
+use super::size::parse_size;
 
 /// Denoises Monte Carlo renders by linear predictions from their feature layers.
 #[derive(Debug, Parser)]
@@ -50,7 +49,7 @@ pub(crate) enum Command {
     Inspect(InspectArguments),
     /// Measure how far an image is from a reference
     Compare(CompareArguments),
-    /// Put the bands of a frame together
+    /// Put the bands of an image together
     Stitch(StitchArguments),
 }
 
@@ -97,7 +96,7 @@ pub(crate) struct DenoiseArguments {
     /// Leave frames alone whose output exists
     #[arg(long)]
     pub(crate) skip_existing: bool,
-    /// Only the i-th of N bands of the frame, with the bits that the whole frame would have; see 'linpred stitch'
+    /// Only the i-th of N bands of the image, with the bits that the whole image would have; see 'linpred stitch'
     #[arg(long, value_name = "i/N", value_parser = Band::parse)]
     pub(crate) band: Option<Band>,
     /// Print the plan (roles, memory) and do nothing
@@ -201,7 +200,7 @@ pub(crate) struct StitchArguments {
     /// The bands, in any order
     #[arg(value_name = "BAND.exr", required = true)]
     pub(crate) bands: Vec<PathBuf>,
-    /// The frame
+    /// The whole image
     #[arg(short, long, value_name = "CLEAN.exr")]
     pub(crate) output: PathBuf,
 }

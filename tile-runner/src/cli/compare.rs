@@ -3,12 +3,11 @@
 use std::io::Write;
 use std::process::ExitCode;
 
-use linpred::compare::{Comparison, compare};
-use linpred::error::Error;
-use linpred::heatmap::Heatmap;
-use linpred::memory::DEFAULT_LIMIT;
+use linpred::Error;
+use linpred::job::{Comparison, DEFAULT_MEMORY_LIMIT, compare};
 
 use super::args::CompareArguments;
+use super::heatmap::Heatmap;
 
 /// Prints the figures of a comparison.
 pub(crate) fn run(arguments: CompareArguments) -> Result<ExitCode, Error> {
@@ -20,18 +19,24 @@ pub(crate) fn run(arguments: CompareArguments) -> Result<ExitCode, Error> {
         json,
     } = arguments;
     if let Some(path) = &heatmap {
-        linpred::job::check_output(path, &[&image, &reference])?;
+        linpred::exr_file::output::check_output(path, &[&image, &reference])?;
     }
     let mut picture = None;
-    let comparison = compare(&image, &reference, &map, DEFAULT_LIMIT, |size, errors| {
-        let Some(path) = &heatmap else { return Ok(()) };
-        if picture.is_none() {
-            picture = Some(Heatmap::create(path, size)?);
-        }
-        picture
-            .as_mut()
-            .map_or(Ok(()), |picture| picture.row(errors))
-    })?;
+    let comparison = compare(
+        &image,
+        &reference,
+        &map,
+        DEFAULT_MEMORY_LIMIT,
+        |size, errors| {
+            let Some(path) = &heatmap else { return Ok(()) };
+            if picture.is_none() {
+                picture = Some(Heatmap::create(path, size)?);
+            }
+            picture
+                .as_mut()
+                .map_or(Ok(()), |picture| picture.row(errors))
+        },
+    )?;
     if let Some(picture) = picture {
         picture.finish()?;
     }

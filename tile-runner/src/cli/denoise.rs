@@ -10,23 +10,20 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use linpred::error::Error;
-use linpred::job::{self, Input, InputRequest, JobOptions, Summary};
-use linpred::memory::DEFAULT_LIMIT;
-use linpred::pipeline::Options;
-use linpred::plan;
-use linpred::presets::Preset;
-use linpred::rewrite::ExtraLayers;
-use linpred::roles::RoleRequest;
+use linpred::channels::{Preset, RoleRequest};
+use linpred::image::ExtraLayers;
+use linpred::job::{self, Input, InputRequest, JobOptions};
+use linpred::{Error, Options};
 use linpred_core::{Params, Quality};
 
 use super::args::{
     DenoiseArguments, FormulasName, InputArguments, LogArguments, LogFormat, ProgressStyle,
     QualityName,
 };
-use super::exit;
+use super::errors;
 use super::frames;
 use super::progress::Progress;
+use super::report::report;
 use super::stop;
 
 /// Denoises one image, or the frames of a sequence.
@@ -78,7 +75,7 @@ impl Run {
         let mut told = |rows| progress.set(rows);
         let result = job::denoise(&input, output, &self.options, &self.stop, &mut told);
         progress.end();
-        report(&result?, started, self.log_format, output);
+        report(&result?, started.elapsed(), self.log_format, output);
         Ok(())
     }
 
@@ -91,8 +88,8 @@ impl Run {
         for note in input.roles.notes.iter().filter(new) {
             tracing::info!("{note}");
         }
-        let rewrite = input.rewrite(self.options.extra)?;
-        for note in rewrite.notes.iter().filter(new) {
+        let notes = input.notes_on_output(self.options.extra)?;
+        for note in notes.iter().filter(new) {
             tracing::warn!("{note}");
         }
         Ok(())
@@ -106,8 +103,8 @@ impl Run {
                 Ok(()) => {}
                 Err(error @ Error::Cancelled) => return Err(error),
                 Err(error) => {
-                    tracing::error!("{error}");
-                    failures.push(exit::code(&error));
+                    tracing::error!("{}", errors::in_words(&error));
+                    failures.push(errors::code(&error));
                 }
             }
         }
@@ -134,17 +131,20 @@ fn options(arguments: &DenoiseArguments) -> JobOptions {
     if let Some(coverage) = arguments.coverage {
         params.coverage = coverage;
     }
-    JobOptions {
-        pipeline: Options {
-            params,
-            threads: arguments.threads.unwrap_or_else(all_threads),
-        },
-        extra: ExtraLayers {
-            error: arguments.error_layer,
-            models: arguments.models_layer,
-        },
-        memory_limit: arguments.max_memory.unwrap_or(DEFAULT_LIMIT),
-        band: arguments.band,
+    let mut pipeline = Options::new(params);
+    if let Some(threads) = arguments.threads {
+        pipeline = pipeline.with_threads(threads);
+    }
+    let mut options = JobOptions::new(pipeline).with_extra(ExtraLayers {
+        error: arguments.error_layer,
+        models: arguments.models_layer,
+    });
+    if let Some(limit) = arguments.max_memory {
+        options = options.with_memory_limit(limit);
+    }
+    match arguments.band {
+        Some(band) => options.with_band(band),
+        None => options,
     }
 }
 
@@ -169,8 +169,8 @@ pub(crate) fn request(arguments: InputArguments) -> InputRequest {
 }
 
 fn dry_run(input: &Input, options: &JobOptions) -> Result<(), Error> {
-    let (schedule, plan) = plan::schedule(input, &input.rewrite(options.extra)?, options);
-    let inspection = linpred::inspect::describe(input);
+    let (schedule, plan) = job::plan(input, options)?;
+    let inspection = job::describe(input);
     let threads = schedule.threads;
     let rows = schedule.rows_in_flight;
     // nobody is left to be told when standard output is closed
@@ -179,69 +179,4 @@ fn dry_run(input: &Input, options: &JobOptions) -> Result<(), Error> {
         "{inspection}threads: {threads}, rows read ahead: {rows}\nmemory:\n{plan}\n"
     );
     plan.check(options.memory_limit)
-}
-
-fn report(summary: &Summary, started: Instant, format: LogFormat, output: &Path) {
-    let seconds = started.elapsed().as_secs_f64();
-    let done = &summary.report.counts;
-    let models = summary.report.models;
-    let saved = summary.report.saved().map(|time| time.as_secs_f64());
-    if summary.clamped > 0 {
-        tracing::warn!(
-            "{} samples are too large for half precision and were set to 65504; a float channel would hold them",
-            summary.clamped
-        );
-    }
-    if summary.layers_off > 0 {
-        tracing::warn!(
-            "the layers do not sum to the colour at {} of {} pixels, in the input already",
-            summary.layers_off,
-            done.pixels
-        );
-    }
-    match format {
-        LogFormat::Json => tracing::info!(
-            output = %output.display(),
-            pixels = done.pixels,
-            models,
-            passed_through = done.passed_through,
-            repaired = done.repaired,
-            cells = done.cells,
-            cells_skipped = done.cells_skipped,
-            feature_blocks = done.feature_blocks,
-            feature_blocks_skipped = done.feature_blocks_skipped,
-            saved_thread_seconds = saved,
-            clamped = summary.clamped,
-            peak_bytes = summary.peak_memory,
-            seconds,
-            "denoised"
-        ),
-        LogFormat::Text => {
-            let peak = summary
-                .peak_memory
-                .map(|bytes| format!(", {} MiB", bytes >> 20));
-            let peak = peak.unwrap_or_default();
-            let share = |count: u64| 100.0 * count as f64 / done.pixels as f64;
-            tracing::info!(
-                "{}: {} pixels, models for {:.1} %, {:.1} % passed through, {} repaired, {seconds:.2} s{peak}",
-                output.display(),
-                done.pixels,
-                share(models),
-                share(done.passed_through),
-                done.repaired
-            );
-            if done.cells_skipped + done.feature_blocks_skipped > 0 {
-                let share = |part: u64, whole: u64| 100.0 * part as f64 / whole.max(1) as f64;
-                let saved = saved.map(|seconds| {
-                    format!("; at the mean time of the other cells that saved {seconds:.2} s of one thread")
-                });
-                let saved = saved.unwrap_or_default();
-                tracing::info!(
-                    "skipped, as they hold no noise: {:.1} % of the cells, {:.1} % of the feature blocks{saved}",
-                    share(done.cells_skipped, done.cells),
-                    share(done.feature_blocks_skipped, done.feature_blocks)
-                );
-            }
-        }
-    }
 }

@@ -2,9 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use linpred::error::Error;
-use linpred::job::InputRequest;
-use linpred::sequence::FramePattern;
+use linpred::Error;
+use linpred::job::{FramePattern, InputRequest};
 
 /// Input and output of each frame; `None` when the names hold no place for a frame number.
 pub(crate) fn find(

@@ -3,21 +3,21 @@
 use std::io::Write;
 use std::process::ExitCode;
 
-use linpred::error::Error;
-use linpred::inspect::inspect_with;
-use linpred::job::Input;
-use linpred::memory::DEFAULT_LIMIT;
-use linpred::survey::{Survey, survey_input};
+use linpred::Error;
+use linpred::job::{DEFAULT_MEMORY_LIMIT, Input, inspect_with};
+use linpred::survey::Survey;
 
 use super::args::{InspectArguments, ProgressStyle, SurveyArguments};
 use super::denoise::{all_threads, request};
-use super::exit;
+use super::errors;
 use super::progress::Progress;
 
 /// Prints what a file holds. A file that cannot be denoised is described all the same, and ends in its exit code.
 pub(crate) fn run(arguments: InspectArguments) -> Result<ExitCode, Error> {
     let request = request(arguments.input);
-    let (inspection, problem) = inspect_with(&request, |input| survey(input, &arguments.survey))?;
+    let (mut inspection, problem) =
+        inspect_with(&request, |input| survey(input, &arguments.survey))?;
+    inspection.problem = problem.as_ref().map(errors::in_words);
     let text = match arguments.json {
         true => format!("{:#}\n", serde_json::json!(inspection)),
         false => inspection.to_string(),
@@ -25,7 +25,7 @@ pub(crate) fn run(arguments: InspectArguments) -> Result<ExitCode, Error> {
     // nobody is left to be told when standard output is closed
     let _ = std::io::stdout().write_all(text.as_bytes());
     Ok(problem.map_or(ExitCode::SUCCESS, |error| {
-        ExitCode::from(exit::code(&error))
+        ExitCode::from(errors::code(&error))
     }))
 }
 
@@ -35,11 +35,11 @@ fn survey(input: &Input, arguments: &SurveyArguments) -> Result<Option<Survey>, 
         return Ok(None);
     }
     let threads = arguments.threads.unwrap_or_else(all_threads);
-    let limit = arguments.max_memory.unwrap_or(DEFAULT_LIMIT);
+    let limit = arguments.max_memory.unwrap_or(DEFAULT_MEMORY_LIMIT);
     let style = arguments.progress.unwrap_or(ProgressStyle::Auto);
-    let label = input.file().path().display().to_string();
+    let label = input.path().display().to_string();
     let mut progress = Progress::new(style, input.height(), label);
-    let found = survey_input(input, threads, limit, &mut |rows| progress.set(rows));
+    let found = linpred::job::survey(input, threads, limit, &mut |rows| progress.set(rows));
     progress.end();
     found.map(Some)
 }

@@ -3,13 +3,13 @@
 use std::path::Path;
 use std::process::ExitCode;
 
-use linpred::error::Error;
-use linpred::stitch::stitch;
+use linpred::Error;
+use linpred::job::stitch;
 
 use super::args::StitchArguments;
 use super::stop;
 
-/// Puts the bands of a frame together.
+/// Puts the bands of an image together.
 pub(crate) fn run(arguments: StitchArguments) -> Result<ExitCode, Error> {
     let bands: Vec<&Path> = arguments.bands.iter().map(AsRef::as_ref).collect();
     stitch(&bands, &arguments.output, &stop::on_signals())?;

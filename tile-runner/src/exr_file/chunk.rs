@@ -1,4 +1,4 @@
-//! The frame around a block's compressed bytes in the file.
+//! What stands before a chunk's compressed bytes in the file.
 
 use std::io::Read;
 

@@ -1,4 +1,4 @@
-//! How a part's data window is cut into blocks.
+//! How a part's data window is cut into chunks.
 
 use exr::math::{RoundingMode, Vec2};
 use exr::meta::attribute::{IntegerBounds, LevelMode};
@@ -7,27 +7,27 @@ use exr::meta::{BlockDescription, compute_block_count, compute_level_count, comp
 /// A chunk's place in its part, as the chunk itself states it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
-    /// Scanline block: its top row in the coordinates of the data window.
+    /// Scanline chunk: its top row in the coordinates of the data window.
     Line(i32),
     /// Tile: column, row, level in x, level in y.
     Tile([i32; 4]),
 }
 
-/// The blocks of one part: a grid at full resolution, and the smaller levels behind it.
+/// The chunks of one part: a grid at full resolution, and the smaller levels behind it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BlockGrid {
+pub struct ChunkGrid {
     origin_y: i32,
     width: usize,
     height: usize,
-    block_width: usize,
-    block_height: usize,
+    chunk_width: usize,
+    chunk_height: usize,
     levels: Option<(LevelMode, RoundingMode)>,
 }
 
-impl BlockGrid {
-    /// The grid of a part of the given data window; `lines` is the compression's rows per scanline block.
-    pub fn new(window: IntegerBounds, blocks: BlockDescription, lines: usize) -> Self {
-        let (block_width, block_height, levels) = match blocks {
+impl ChunkGrid {
+    /// The grid of a part of the given data window; `lines` is the compression's rows per scanline chunk.
+    pub fn new(window: IntegerBounds, cut: BlockDescription, lines: usize) -> Self {
+        let (chunk_width, chunk_height, levels) = match cut {
             BlockDescription::ScanLines => (window.size.0, lines, None),
             BlockDescription::Tiles(tiles) => (
                 tiles.tile_size.0,
@@ -39,14 +39,14 @@ impl BlockGrid {
             origin_y: window.position.1,
             width: window.size.0,
             height: window.size.1,
-            block_width,
-            block_height,
+            chunk_width,
+            chunk_height,
             levels,
         }
     }
 
     /// The grid of the `rows` pixel rows from row `first` on, for a part without smaller levels; `first` is a multiple of
-    /// the block height.
+    /// the chunk height.
     pub fn restricted(&self, first: usize, rows: usize) -> Self {
         Self {
             // a row of a data window fits i32
@@ -56,19 +56,19 @@ impl BlockGrid {
         }
     }
 
-    /// Blocks side by side at full resolution.
+    /// Chunks side by side at full resolution.
     pub fn columns(&self) -> usize {
-        self.width.div_ceil(self.block_width)
+        self.width.div_ceil(self.chunk_width)
     }
 
-    /// Rows of blocks at full resolution.
+    /// Rows of chunks at full resolution.
     pub fn rows(&self) -> usize {
-        self.height.div_ceil(self.block_height)
+        self.height.div_ceil(self.chunk_height)
     }
 
-    /// Pixel rows of a full block.
-    pub fn block_height(&self) -> usize {
-        self.block_height
+    /// Pixel rows of a full chunk.
+    pub fn chunk_height(&self) -> usize {
+        self.chunk_height
     }
 
     /// Whether the part is tiled.
@@ -84,20 +84,20 @@ impl BlockGrid {
         )
     }
 
-    /// Which row of blocks holds pixel row `y` (from 0).
-    pub fn block_row(&self, y: usize) -> usize {
-        y / self.block_height
+    /// Which row of chunks holds pixel row `y` (from 0).
+    pub fn chunk_row(&self, y: usize) -> usize {
+        y / self.chunk_height
     }
 
-    /// The pixels of a block of the full resolution, from (0, 0) at the data window's corner.
+    /// The pixels of a chunk of the full resolution, from (0, 0) at the data window's corner.
     pub fn bounds(&self, column: usize, row: usize) -> IntegerBounds {
-        let (x, y) = (column * self.block_width, row * self.block_height);
+        let (x, y) = (column * self.chunk_width, row * self.chunk_height);
         IntegerBounds {
             // a data window's sides fit i32
             position: Vec2(x as i32, y as i32),
             size: Vec2(
-                self.block_width.min(self.width - x),
-                self.block_height.min(self.height - y),
+                self.chunk_width.min(self.width - x),
+                self.chunk_height.min(self.height - y),
             ),
         }
     }
@@ -106,7 +106,7 @@ impl BlockGrid {
     pub fn place(&self, index: usize) -> Option<Place> {
         let Some((mode, rounding)) = self.levels else {
             return (index < self.rows()).then(|| {
-                Place::Line((i64::from(self.origin_y) + (index * self.block_height) as i64) as i32)
+                Place::Line((i64::from(self.origin_y) + (index * self.chunk_height) as i64) as i32)
             });
         };
         let mut rest = index;
@@ -114,7 +114,7 @@ impl BlockGrid {
             let columns = self.level_columns(rounding, level_x);
             let rows = compute_block_count(
                 compute_level_size(rounding, self.height, level_y),
-                self.block_height,
+                self.chunk_height,
             );
             if rest < columns * rows {
                 let tile = [rest % columns, rest / columns, level_x, level_y];
@@ -128,7 +128,7 @@ impl BlockGrid {
     fn level_columns(&self, rounding: RoundingMode, level_x: usize) -> usize {
         compute_block_count(
             compute_level_size(rounding, self.width, level_x),
-            self.block_width,
+            self.chunk_width,
         )
     }
 

@@ -8,7 +8,7 @@ use exr::meta::header::Header;
 
 use super::attributes::{Attributes, RawHeader};
 use super::chunk::ChunkShape;
-use super::grid::BlockGrid;
+use super::grid::ChunkGrid;
 use crate::error::Error;
 use crate::geometry::ImageSize;
 
@@ -53,7 +53,7 @@ pub struct Part {
     /// All attributes as bytes.
     pub attributes: Attributes,
     /// How the data window is cut.
-    pub grid: BlockGrid,
+    pub grid: ChunkGrid,
     /// How the part's chunks begin.
     pub shape: ChunkShape,
     /// Why the pixels cannot be decoded, if they cannot.
@@ -79,15 +79,15 @@ impl Part {
         }
     }
 
-    /// Bytes of one decoded row of blocks; saturates at `u64::MAX`.
-    pub fn block_row_bytes(&self) -> u64 {
-        let rows = self.grid.block_height().min(self.header.layer_size.1) as u64;
+    /// Bytes of one decoded row of chunks; saturates at `u64::MAX`.
+    pub fn chunk_row_bytes(&self) -> u64 {
+        let rows = self.grid.chunk_height().min(self.header.layer_size.1) as u64;
         let pixels = rows.saturating_mul(self.header.layer_size.0 as u64);
         pixels.saturating_mul(self.header.channels.bytes_per_pixel as u64)
     }
 
-    /// Bytes of the largest decoded block; saturates at `u64::MAX`.
-    pub fn block_bytes(&self) -> u64 {
+    /// Bytes of the largest decoded chunk; saturates at `u64::MAX`.
+    pub fn chunk_bytes(&self) -> u64 {
         let largest = self.grid.bounds(0, 0).size;
         let pixels = (largest.0 as u64).saturating_mul(largest.1 as u64);
         pixels.saturating_mul(self.header.channels.bytes_per_pixel as u64)
@@ -142,7 +142,7 @@ pub(super) fn parse_parts(
     // a chunk is at least an entry of the table and its own length field
     if chunks.saturating_mul(12) > file_length {
         return Err(Error::Invalid(format!(
-            "damaged header or truncated file: {chunks} blocks are announced in a file of {file_length} bytes"
+            "damaged header or truncated file: {chunks} chunks are announced in a file of {file_length} bytes"
         )));
     }
     Ok(parts)
@@ -166,7 +166,7 @@ fn describe(
     multi_part: bool,
 ) -> Result<Part, Error> {
     let lines = header.compression.scan_lines_per_block();
-    let grid = BlockGrid::new(header.data_window(), header.blocks, lines);
+    let grid = ChunkGrid::new(header.data_window(), header.blocks, lines);
     let part = Part {
         index,
         name: header
@@ -229,7 +229,7 @@ fn check_chunk_count(part: &Part) -> Result<(), Error> {
     match part.attributes.int("chunkCount") {
         Some(stated) if part.shape.multi_part && stated as i64 != computed as i64 => {
             Err(Error::Invalid(format!(
-                "{}: the header announces {stated} blocks, its data window and tiles make {computed}",
+                "{}: the header announces {stated} chunks, its data window and tiles make {computed}",
                 part.label()
             )))
         }

@@ -1,23 +1,20 @@
-//! OpenEXR files as streams of rows, with random access to their blocks.
+//! OpenEXR files as streams of rows, with random access to their chunks.
 //!
-//! The `exr` crate parses headers and codes blocks; this module finds the blocks by the offset tables, holds no more than
-//! the blocks that cross one row, and writes a file block by block, which the crate's own reader and writer
+//! The `exr` crate parses headers and codes chunks; this module finds the chunks by the offset tables, holds no more than
+//! the chunks that cross one row, and writes a file chunk by chunk, which the crate's own reader and writer
 //! (one pass in file order; a closure that owns control) do not do.
 
 pub mod attributes;
-pub mod chunk;
-pub mod codec;
-pub mod coder_panics;
-mod dwa_leader;
-pub mod grid;
-pub mod header;
+pub(crate) mod chunk;
+pub(crate) mod compression;
+pub(crate) mod grid;
+pub(crate) mod header;
 pub mod output;
-mod piz;
-mod predictor;
-pub mod reader;
-pub mod rows;
-pub mod writer;
+pub(crate) mod reader;
+pub(crate) mod rows;
+pub(crate) mod writer;
 
-pub use header::{Part, Refusal};
-pub use reader::ExrFile;
-pub use rows::{PartRows, check_decodable};
+pub use compression::coder_panics;
+pub(crate) use header::Part;
+pub(crate) use reader::ExrFile;
+pub(crate) use rows::{PartRows, check_decodable};

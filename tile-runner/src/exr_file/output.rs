@@ -4,7 +4,7 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{BufWriter, ErrorKind, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use same_file::Handle;
+use same_file::{Handle, is_same_file};
 
 use crate::error::Error;
 
@@ -152,4 +152,41 @@ fn claim(path: &Path) -> std::io::Result<File> {
         }
     }
     Err(busy())
+}
+
+/// Refuses an `output` that is one of the inputs, by whatever name, or whose unfinished file would be.
+pub fn check_output(output: &Path, inputs: &[&Path]) -> Result<(), Error> {
+    let mut unfinished = output.as_os_str().to_owned();
+    unfinished.push(".part");
+    for input in inputs {
+        let same = |path: &Path| is_same_file(path, input).unwrap_or(false);
+        if same(output) || same(Path::new(&unfinished)) {
+            return Err(Error::Usage(format!(
+                "the output {} is the input {}: the input is read until the end, so it cannot be replaced on the way",
+                output.display(),
+                input.display()
+            )));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_output_may_not_be_the_input_by_another_name() {
+        let folder = std::env::temp_dir().join(format!("linpred-same-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let (input, link) = (folder.join("in.exr"), folder.join("link.exr"));
+        std::fs::write(&input, b"x").unwrap();
+        std::fs::hard_link(&input, &link).unwrap();
+        assert!(matches!(
+            check_output(&link, &[&input]),
+            Err(Error::Usage(_))
+        ));
+        assert!(check_output(&folder.join("out.exr"), &[&input]).is_ok());
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
 }

@@ -1,4 +1,4 @@
-//! Random access to the blocks of a file.
+//! Random access to the chunks of a file.
 
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom, Write};
@@ -10,8 +10,7 @@ use exr::meta::attribute::{Compression, IntegerBounds};
 
 use super::attributes::RawHeader;
 use super::chunk::ChunkHead;
-use super::codec::SharedCodec;
-use super::dwa_leader;
+use super::compression::{SharedCodec, dwa_leader};
 use super::grid::Place;
 use super::header::{Part, parse_parts};
 use crate::error::Error;
@@ -23,7 +22,7 @@ const HEADER_GUESS: u64 = 16 << 10;
 /// Buffer through which chunks are copied.
 const COPY_BUFFER: usize = 64 << 10;
 
-/// An open EXR file: its parts and where their blocks are. Holds no pixels.
+/// An open EXR file: its parts and where their chunks are. Holds no pixels.
 #[derive(Debug)]
 pub struct ExrFile {
     path: PathBuf,
@@ -31,7 +30,7 @@ pub struct ExrFile {
     length: u64,
     version: u32,
     parts: Vec<Part>,
-    /// Offset tables, 8 bytes per block.
+    /// Offset tables, 8 bytes per chunk.
     offsets: Vec<Vec<u64>>,
     codec: SharedCodec,
 }
@@ -49,7 +48,7 @@ impl ExrFile {
         let kind = std::fs::metadata(path).map_err(read_error)?;
         if !kind.is_file() {
             return Err(Error::Invalid(format!(
-                "{} is not a regular file (blocks are read by their offsets, so a pipe will not do)",
+                "{} is not a regular file (chunks are read by their offsets, so a pipe will not do)",
                 path.display()
             )));
         }
@@ -94,11 +93,11 @@ impl ExrFile {
         &self.parts
     }
 
-    /// Decodes the block in `column`, `row` of a part's full resolution into `out`: for each line, for each channel for which
+    /// Decodes the chunk in `column`, `row` of a part's full resolution into `out`: for each line, for each channel for which
     /// `wanted` is true, its samples in native byte order.
     ///
-    /// The caller has checked [`Part::block_bytes`] against its memory limit and [`Part::refusal`].
-    pub fn decode_block(
+    /// The caller has checked [`Part::chunk_bytes`] against its memory limit and [`Part::refusal`].
+    pub fn decode_chunk(
         &self,
         codec: &SharedCodec,
         part: usize,
@@ -113,11 +112,11 @@ impl ExrFile {
         self.read_payload(part, index, &mut codec.payload)?;
         let (compression, list) = (described.header.compression, &described.header.channels);
         if matches!(compression, Compression::DWAA(_) | Compression::DWAB(_))
-            && codec.payload.len() as u64 != block_size(described, bounds)
+            && codec.payload.len() as u64 != chunk_size(described, bounds)
             && !dwa_leader::is_plausible(&codec.payload, list.list.len(), bounds)
         {
-            let reason = "announces more data than a block of its size can hold";
-            return Err(self.block_error(part, index, reason));
+            let reason = "announces more data than a chunk of its size can hold";
+            return Err(self.chunk_error(part, index, reason));
         }
         let channels = list.channels_with_byte_offset().enumerate();
         let spans: Vec<Range<usize>> = channels
@@ -134,17 +133,17 @@ impl ExrFile {
         codec
             .decode(&described.header, bounds, lines, out)
             .map_err(|error| match error {
-                exr::error::Error::Invalid(reason) => self.block_error(part, index, &reason),
-                other => self.block_error(part, index, &other.to_string()),
+                exr::error::Error::Invalid(reason) => self.chunk_error(part, index, &reason),
+                other => self.chunk_error(part, index, &other.to_string()),
             })
     }
 
-    /// What decodes the blocks of those who have no codec of their own.
+    /// What decodes the chunks of those who have no codec of their own.
     pub fn codec(&self) -> &SharedCodec {
         &self.codec
     }
 
-    /// The blocks of a part as the file stores them, from its beginning to its end.
+    /// The chunks of a part as the file stores them, from its beginning to its end.
     pub fn chunks_in_file_order(&self, part: usize) -> Vec<usize> {
         let table = &self.offsets[part];
         let mut order: Vec<usize> = (0..table.len()).collect();
@@ -177,14 +176,14 @@ impl ExrFile {
     /// Reads a chunk's payload, still compressed.
     fn read_payload(&self, part: usize, index: usize, payload: &mut Vec<u8>) -> Result<(), Error> {
         let (head, at) = self.find_chunk(part, index)?;
-        // compressors fall back to raw storage when they gain nothing, so a payload never exceeds its block
-        let limit = self.parts[part].block_bytes();
+        // compressors fall back to raw storage when they gain nothing, so a payload never exceeds its chunk
+        let limit = self.parts[part].chunk_bytes();
         if head.payload > limit {
             let reason = format!(
                 "{} bytes of compressed data for {limit} bytes of pixels",
                 head.payload
             );
-            return Err(self.block_error(part, index, &reason));
+            return Err(self.chunk_error(part, index, &reason));
         }
         payload.resize(head.payload as usize, 0);
         self.read_at(at, payload)
@@ -196,23 +195,23 @@ impl ExrFile {
         let offset = self.offsets[part][index];
         if offset == 0 {
             let reason = "was never written (its offset is 0: the render was interrupted?)";
-            return Err(self.block_error(part, index, reason));
+            return Err(self.chunk_error(part, index, reason));
         }
         if offset >= self.length {
             let reason = format!(
                 "lies at byte {offset}, beyond the end of the file ({} bytes)",
                 self.length
             );
-            return Err(self.block_error(part, index, &reason));
+            return Err(self.chunk_error(part, index, &reason));
         }
         let head_bytes = (self.length - offset).min(44) as usize;
         let mut bytes = vec![0; head_bytes];
         self.read_at(offset, &mut bytes)?;
         let mut rest = bytes.as_slice();
         let head = ChunkHead::read(&mut rest, described.shape)
-            .map_err(|_| self.block_error(part, index, "has a damaged head"))?;
+            .map_err(|_| self.chunk_error(part, index, "has a damaged head"))?;
         if head.part != part as i32 || Some(head.place) != described.grid.place(index) {
-            return Err(self.block_error(part, index, "is not where the offset table says"));
+            return Err(self.chunk_error(part, index, "is not where the offset table says"));
         }
         let payload_at = offset + (head_bytes - rest.len()) as u64;
         if payload_at
@@ -220,7 +219,7 @@ impl ExrFile {
             .is_none_or(|end| end > self.length)
         {
             let reason = format!("is cut off at the end of the file ({} bytes)", self.length);
-            return Err(self.block_error(part, index, &reason));
+            return Err(self.chunk_error(part, index, &reason));
         }
         Ok((head, payload_at))
     }
@@ -236,21 +235,21 @@ impl ExrFile {
         })
     }
 
-    fn block_error(&self, part: usize, index: usize, reason: &str) -> Error {
+    fn chunk_error(&self, part: usize, index: usize, reason: &str) -> Error {
         let described = &self.parts[part];
         let place = match described.grid.place(index) {
             Some(Place::Line(_)) => {
-                let first = index * described.grid.block_height();
+                let first = index * described.grid.chunk_height();
                 let last =
-                    (first + described.grid.block_height()).min(described.header.layer_size.1) - 1;
-                format!("block of rows {first} to {last}")
+                    (first + described.grid.chunk_height()).min(described.header.layer_size.1) - 1;
+                format!("chunk of rows {first} to {last}")
             }
             Some(Place::Tile([x, y, 0, 0])) => {
-                let first = y as usize * described.grid.block_height();
+                let first = y as usize * described.grid.chunk_height();
                 format!("tile {x}, {y} (from row {first})")
             }
             Some(Place::Tile([x, y, lx, ly])) => format!("tile {x}, {y} of level {lx}, {ly}"),
-            None => format!("block {index}"),
+            None => format!("chunk {index}"),
         };
         Error::Invalid(format!(
             "{}: {}: {place}: {reason}",
@@ -260,8 +259,8 @@ impl ExrFile {
     }
 }
 
-/// Bytes of a decoded block; a payload of this size was not compressed.
-fn block_size(part: &Part, bounds: IntegerBounds) -> u64 {
+/// Bytes of a decoded chunk; a payload of this size was not compressed.
+fn chunk_size(part: &Part, bounds: IntegerBounds) -> u64 {
     bounds.size.0 as u64 * bounds.size.1 as u64 * part.header.channels.bytes_per_pixel as u64
 }
 
@@ -310,13 +309,12 @@ fn read_header(
 fn read_tables(file: &mut File, parts: &[Part]) -> std::io::Result<Vec<Vec<u64>>> {
     let mut from = BufReader::new(file);
     let mut table = |part: &Part| {
-        (0..part.header.chunk_count)
-            .map(|_| {
-                let mut entry = [0; 8];
-                from.read_exact(&mut entry)?;
-                Ok(u64::from_le_bytes(entry))
-            })
-            .collect()
+        let mut table = vec![0_u64; part.header.chunk_count];
+        from.read_exact(bytemuck::cast_slice_mut(&mut table))?;
+        table
+            .iter_mut()
+            .for_each(|offset| *offset = u64::from_le(*offset));
+        Ok(table)
     };
     parts.iter().map(&mut table).collect()
 }

@@ -1,4 +1,4 @@
-//! A part's pixels as rows, with one row of blocks in memory.
+//! A part's pixels as rows, with one row of chunks in memory.
 
 use std::sync::Arc;
 
@@ -6,29 +6,29 @@ use exr::meta::attribute::{IntegerBounds, SampleType};
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 
-use super::codec::SharedCodec;
+use super::compression::SharedCodec;
 use super::reader::ExrFile;
 use crate::error::Error;
 
 /// Refuses what cannot be decoded: [`Error::Unsupported`] if a part's pixels are of a kind that is not, [`Error::Budget`] if
-/// one row of its blocks takes more than `limit` bytes.
-pub fn check_decodable(file: &ExrFile, part: usize, limit: u64) -> Result<(), Error> {
+/// one row of its chunks takes more than `limit` bytes.
+pub(crate) fn check_decodable(file: &ExrFile, part: usize, limit: u64) -> Result<(), Error> {
     let described = &file.parts()[part];
     let (path, label) = (file.path().display(), described.label());
     if let Some(refusal) = &described.refusal {
         return Err(Error::Unsupported(format!("{path}: {label}: {refusal}")));
     }
-    if described.block_row_bytes() > limit {
+    if described.chunk_row_bytes() > limit {
         return Err(Error::Budget(format!(
-            "{path}: {label}: one row of blocks ({} rows of {} pixels, {} channels, {}) takes {} MiB, the limit is {} MiB",
+            "{path}: {label}: one row of chunks ({} rows of {} pixels, {} channels, {}) takes {} MiB, the limit is {} MiB",
             described
                 .grid
-                .block_height()
+                .chunk_height()
                 .min(described.header.layer_size.1),
             described.header.layer_size.0,
             described.header.channels.list.len(),
             described.header.compression,
-            described.block_row_bytes() >> 20,
+            described.chunk_row_bytes() >> 20,
             limit >> 20,
         )));
     }
@@ -37,21 +37,22 @@ pub fn check_decodable(file: &ExrFile, part: usize, limit: u64) -> Result<(), Er
 
 /// Reads rows of one part, in any order; cheapest from top to bottom.
 #[derive(Debug)]
-pub struct PartRows {
+pub(crate) struct PartRows {
     file: Arc<ExrFile>,
     codec: SharedCodec,
     part: usize,
     /// Whether each channel is read.
     kept: Vec<bool>,
     types: Vec<SampleType>,
-    /// Which row of blocks is decoded.
+    /// Which row of chunks is decoded.
     current: Option<usize>,
-    blocks: Vec<Block>,
-    scratch: Vec<u8>,
+    chunks: Vec<Chunk>,
+    /// A row of half floats on its way to `f32`.
+    halves: Vec<f16>,
 }
 
 #[derive(Debug)]
-struct Block {
+struct Chunk {
     bounds: IntegerBounds,
     bytes: Vec<u8>,
 }
@@ -59,7 +60,7 @@ struct Block {
 impl PartRows {
     /// Rows of a part, decoded by `codec`, once it has been told with [`keep`](Self::keep) which channels. Errors as for
     /// [`check_decodable`].
-    pub fn new(
+    pub(crate) fn new(
         file: Arc<ExrFile>,
         codec: SharedCodec,
         part: usize,
@@ -81,29 +82,29 @@ impl PartRows {
             kept,
             types,
             current: None,
-            blocks: Vec::new(),
-            scratch: Vec::new(),
+            chunks: Vec::new(),
+            halves: Vec::new(),
         })
     }
 
-    /// The part's number in its file.
-    pub fn part(&self) -> usize {
-        self.part
-    }
-
     /// Has `channel` decoded from now on.
-    pub fn keep(&mut self, channel: usize) {
+    pub(crate) fn keep(&mut self, channel: usize) {
         self.kept[channel] = true;
         self.current = None;
     }
 
     /// Writes the samples of `channel`, which is kept, in row `y` to `out`, in native byte order; `out` is as long as they are.
-    pub fn copy_row(&mut self, channel: usize, y: usize, out: &mut [u8]) -> Result<(), Error> {
+    pub(crate) fn copy_row(
+        &mut self,
+        channel: usize,
+        y: usize,
+        out: &mut [u8],
+    ) -> Result<(), Error> {
         self.load(y)?;
         let size = self.types[channel].bytes_per_sample();
-        for block in &self.blocks {
-            let samples = self.line(block, channel, y);
-            let start = block.bounds.position.0 as usize * size;
+        for chunk in &self.chunks {
+            let samples = self.line(chunk, channel, y);
+            let start = chunk.bounds.position.0 as usize * size;
             out[start..start + samples.len()].copy_from_slice(samples);
         }
         Ok(())
@@ -111,82 +112,73 @@ impl PartRows {
 
     /// Writes the samples of `channel`, which is kept, in row `y` to `out` as `f32`; `out` has the width of the data window. Integers are
     /// rounded to the nearest `f32`.
-    pub fn read_row(&mut self, channel: usize, y: usize, out: &mut [f32]) -> Result<(), Error> {
-        let kind = self.types[channel];
-        let mut scratch = std::mem::take(&mut self.scratch);
-        scratch.resize(out.len() * kind.bytes_per_sample(), 0);
-        let result = self.copy_row(channel, y, &mut scratch);
-        if result.is_ok() {
-            decode_samples(kind, &scratch, out);
+    pub(crate) fn read_row(
+        &mut self,
+        channel: usize,
+        y: usize,
+        out: &mut [f32],
+    ) -> Result<(), Error> {
+        match self.types[channel] {
+            SampleType::F32 => self.copy_row(channel, y, bytemuck::cast_slice_mut(out)),
+            SampleType::U32 => {
+                self.copy_row(channel, y, bytemuck::cast_slice_mut(out))?;
+                out.iter_mut()
+                    .for_each(|value| *value = value.to_bits() as f32);
+                Ok(())
+            }
+            SampleType::F16 => {
+                let mut halves = std::mem::take(&mut self.halves);
+                halves.resize(out.len(), f16::ZERO);
+                let result = self.copy_row(channel, y, bytemuck::cast_slice_mut(&mut halves));
+                if result.is_ok() {
+                    // as a slice: the processor's own instructions, where it has them
+                    halves.convert_to_f32_slice(out);
+                }
+                self.halves = halves;
+                result
+            }
         }
-        self.scratch = scratch;
-        result
     }
 
-    /// Decodes the row of blocks that holds row `y`, if it is not the current one.
+    /// Decodes the row of chunks that holds row `y`, if it is not the current one.
     fn load(&mut self, y: usize) -> Result<(), Error> {
         let grid = self.file.parts()[self.part].grid;
-        let row = grid.block_row(y);
+        let row = grid.chunk_row(y);
         if self.current == Some(row) {
             return Ok(());
         }
         self.current = None;
         for column in 0..grid.columns() {
-            if self.blocks.len() == column {
-                self.blocks.push(Block {
+            if self.chunks.len() == column {
+                self.chunks.push(Chunk {
                     bounds: grid.bounds(column, row),
                     bytes: Vec::new(),
                 });
             }
-            let block = &mut self.blocks[column];
-            block.bounds = grid.bounds(column, row);
+            let chunk = &mut self.chunks[column];
+            chunk.bounds = grid.bounds(column, row);
             let kept = |channel: usize| self.kept[channel];
-            self.file.decode_block(
+            self.file.decode_chunk(
                 &self.codec,
                 self.part,
                 (column, row),
                 kept,
-                &mut block.bytes,
+                &mut chunk.bytes,
             )?;
         }
         self.current = Some(row);
         Ok(())
     }
 
-    fn line<'a>(&self, block: &'a Block, channel: usize, y: usize) -> &'a [u8] {
-        let width = block.bounds.size.0;
+    fn line<'a>(&self, chunk: &'a Chunk, channel: usize, y: usize) -> &'a [u8] {
+        let width = chunk.bounds.size.0;
         let bytes = |channels: &mut dyn Iterator<Item = usize>| -> usize {
             let kept = channels.filter(|&channel| self.kept[channel]);
             kept.map(|channel| self.types[channel].bytes_per_sample())
                 .sum()
         };
-        let line = (y - block.bounds.position.1 as usize) * bytes(&mut (0..self.types.len()));
+        let line = (y - chunk.bounds.position.1 as usize) * bytes(&mut (0..self.types.len()));
         let start = width * (line + bytes(&mut (0..channel)));
-        &block.bytes[start..start + width * self.types[channel].bytes_per_sample()]
-    }
-}
-
-fn decode_samples(kind: SampleType, bytes: &[u8], out: &mut [f32]) {
-    match kind {
-        SampleType::F32 => {
-            for (value, sample) in out.iter_mut().zip(bytes.chunks_exact(4)) {
-                *value = f32::from_ne_bytes([sample[0], sample[1], sample[2], sample[3]]);
-            }
-        }
-        SampleType::U32 => {
-            for (value, sample) in out.iter_mut().zip(bytes.chunks_exact(4)) {
-                *value = u32::from_ne_bytes([sample[0], sample[1], sample[2], sample[3]]) as f32;
-            }
-        }
-        SampleType::F16 => {
-            // converted in runs: the slice conversion uses the processor's instructions where it has them
-            let mut halves = [f16::ZERO; 256];
-            for (values, samples) in out.chunks_mut(256).zip(bytes.chunks(512)) {
-                for (half, sample) in halves.iter_mut().zip(samples.chunks_exact(2)) {
-                    *half = f16::from_ne_bytes([sample[0], sample[1]]);
-                }
-                halves[..values.len()].convert_to_f32_slice(values);
-            }
-        }
+        &chunk.bytes[start..start + width * self.types[channel].bytes_per_sample()]
     }
 }

@@ -1,7 +1,7 @@
 //! Whole images as planes, and their box means.
 
 use anyhow::Result;
-use linpred::row::{InputRow, RowSource};
+use linpred::{InputRow, RowSource};
 
 use crate::image::{Image, MirroredRows};
 

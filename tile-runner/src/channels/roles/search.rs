@@ -1,0 +1,308 @@
+//! Finds the layer that a rule or the user means.
+
+use super::{Assignment, Mapping, Search};
+use crate::channels::names::ChannelRef;
+use crate::channels::presets::{Components, MOMENT, Pattern, Role, Rule};
+use crate::channels::variance::Meaning;
+use crate::error::{Error, Remedy, Setting};
+
+impl<'a> Search<'a> {
+    pub(super) fn mapped(&self, mapping: &Mapping) -> Result<Assignment, Error> {
+        let target = mapping.target.as_str();
+        let components = mapping.role.components();
+        let joined: Option<Vec<ChannelRef>> = target
+            .split(',')
+            .map(|name| self.names.channel(0, name.trim()))
+            .collect();
+        let channels = joined
+            .filter(|channels| {
+                matches!(
+                    (channels.len(), components),
+                    (1, Components::Scalar | Components::Colour)
+                        | (3, Components::Colour | Components::Vector)
+                )
+            })
+            .or_else(|| self.layer(target, components))
+            .ok_or_else(|| self.unknown_target(mapping))?;
+        Ok(Assignment {
+            role: mapping.role,
+            channels,
+            meaning: mapping.meaning,
+            rule: format!("mapped to {target}"),
+            by_user: true,
+        })
+    }
+
+    fn unknown_target(&self, mapping: &Mapping) -> Error {
+        let path = self.names.files()[0].path().display();
+        let wanted = match mapping.role.components() {
+            Components::Scalar => "a channel, or a layer with a channel",
+            Components::Colour => {
+                "a layer with channels R G B, a channel, or three channels joined by commas"
+            }
+            Components::Vector => "a layer with channels X Y Z, or three channels joined by commas",
+        };
+        Error::Setting {
+            setting: Setting::Map,
+            value: format!("{}={}", mapping.role.name(), mapping.target),
+            problem: format!(
+                "{path} has no such channel or layer (wanted: {wanted}); its channels are {}",
+                self.all_names()
+            ),
+        }
+    }
+
+    fn all_names(&self) -> String {
+        let mut names: Vec<String> = self
+            .names
+            .in_file(0)
+            .map(|name| format!("{:?}", name.full()))
+            .collect();
+        let count = names.len();
+        names.truncate(60);
+        if count > names.len() {
+            names.push(format!("and {} more", count - names.len()));
+        }
+        names.join(" ")
+    }
+
+    /// The channels of a layer by its exact name, if it has those components.
+    fn layer(&self, layer: &str, components: Components) -> Option<Vec<ChannelRef>> {
+        if components == Components::Scalar {
+            let mut inside = self
+                .names
+                .in_file(0)
+                .filter(|name| name.layer == layer && !layer.is_empty());
+            let first = inside.next()?;
+            return inside.next().is_none().then(|| vec![first.at]);
+        }
+        self.names
+            .components(0, layer, components.triples())
+            .map(Vec::from)
+    }
+
+    pub(super) fn matched(
+        &self,
+        rule: &Rule,
+        pattern: Pattern,
+    ) -> Option<(Vec<ChannelRef>, String)> {
+        let components = rule.role.components();
+        match pattern {
+            Pattern::Names(three) => {
+                let channels: Option<Vec<_>> = three
+                    .iter()
+                    .map(|name| self.names.channel(0, name))
+                    .collect();
+                Some((channels?, format!("channels {}", three.join(" "))))
+            }
+            Pattern::Layer(wanted) => {
+                let layer = self.find_layer(rule.role, wanted, components)?;
+                Some((layer.1, describe_layer(&layer.0)))
+            }
+            Pattern::Prefixed(prefix) => {
+                let mean = self.get(rule.role.mean()?)?;
+                let layer = self.layer_of(mean.channels[0]);
+                if layer.is_empty() {
+                    return None;
+                }
+                let layer = format!("{prefix}{layer}");
+                Some((self.layer(&layer, components)?, describe_layer(&layer)))
+            }
+            Pattern::PrefixedImage(prefix) => {
+                let colour = self.get(Role::Colour)?;
+                if !self.layer_of(colour.channels[0]).is_empty() {
+                    return None;
+                }
+                let layer = self.names.layers(0).into_iter().find(|layer| {
+                    layer.strip_prefix(prefix).is_some_and(|image| {
+                        self.names
+                            .components(0, image, &[["R", "G", "B", "A"]])
+                            .is_some()
+                    })
+                })?;
+                Some((self.layer(layer, components)?, describe_layer(layer)))
+            }
+        }
+    }
+
+    /// The first layer called `wanted`, or ending in `.wanted`, with these components. Once the colour is known to lie in
+    /// `ViewLayer.`, so must the rest: another view layer shows other objects.
+    fn find_layer(
+        &self,
+        role: Role,
+        wanted: &str,
+        components: Components,
+    ) -> Option<(String, Vec<ChannelRef>)> {
+        let prefix = self.colour_prefix();
+        let mut layers = self.names.layers(0);
+        layers.retain(|layer| !layer.starts_with(MOMENT));
+        if role != Role::Colour && !prefix.is_empty() {
+            layers.retain(|layer| layer.starts_with(prefix) || !layer.contains('.'));
+        }
+        let called = |layer: &str| {
+            layer == wanted
+                || (!wanted.is_empty()
+                    && layer.ends_with(wanted)
+                    && layer[..layer.len() - wanted.len()].ends_with('.'))
+        };
+        let by_layer = layers
+            .iter()
+            .filter(|layer| called(layer))
+            .find_map(|layer| Some(((*layer).to_owned(), self.layer(layer, components)?)));
+        if by_layer.is_some() || components != Components::Scalar {
+            return by_layer;
+        }
+        // a scalar may also be a component of its own (`Z`, `dd.T`), but not that of a vector (`N.Z`) or of a noise (`ZVariance.Z`)
+        layers.retain(|layer| role.mean().is_some() || !is_noise(layer));
+        layers.iter().find_map(|layer| {
+            let inside: Vec<_> = self
+                .names
+                .in_file(0)
+                .filter(|name| name.layer == **layer)
+                .collect();
+            let vector = inside
+                .iter()
+                .any(|name| matches!(name.component.as_str(), "X" | "Y" | "x" | "y"));
+            let channel = inside
+                .iter()
+                .find(|name| name.component == wanted && (layer.is_empty() || !vector))?;
+            Some((channel.full(), vec![channel.at]))
+        })
+    }
+
+    /// `ViewLayer.` for a colour in `ViewLayer.Combined`; empty where the colour has no layer above it.
+    fn colour_prefix(&self) -> &'a str {
+        let Some(colour) = self.get(Role::Colour) else {
+            return "";
+        };
+        let layer = self.layer_of(colour.channels[0]);
+        layer.rfind('.').map_or("", |dot| &layer[..=dot])
+    }
+
+    pub(super) fn layer_of(&self, at: ChannelRef) -> &'a str {
+        let name = self.names.in_file(0).find(|name| name.at == at);
+        name.map_or("", |name| name.layer.as_str())
+    }
+
+    /// Whether the parts that these channels lie in can be decoded.
+    pub(super) fn decodable(&self, channels: &[ChannelRef]) -> bool {
+        let part = |at: &ChannelRef| &self.names.files()[at.file].parts()[at.part];
+        channels.iter().all(|at| part(at).refusal.is_none())
+    }
+
+    /// A colour that no rule names: a luminance, the only layer with red, green and blue, or the only channel.
+    pub(super) fn only_colour(&self) -> Result<Assignment, Error> {
+        self.refuse_colour_differences()?;
+        let luminance = self.names.channel(0, "Y").map(|at| vec![at]);
+        if let Some(luminance) = luminance.filter(|at| self.decodable(at)) {
+            return Ok(colour(luminance, "the luminance".into()));
+        }
+        let coloured = self.decodable_colours();
+        if let [(name, channels)] = &coloured[..] {
+            let rule = format!("the only layer with R G B: {}", describe_layer(name));
+            return Ok(colour(channels.clone(), rule));
+        }
+        if let Some(only) = self.only_channel().filter(|at| self.decodable(at)) {
+            return Ok(colour(only, "the only channel".into()));
+        }
+        Err(self.no_colour(&coloured))
+    }
+
+    /// [`Error::Unsupported`] for a luminance with colour differences.
+    fn refuse_colour_differences(&self) -> Result<(), Error> {
+        if ["RY", "BY"]
+            .iter()
+            .all(|name| self.names.channel(0, name).is_none())
+        {
+            return Ok(());
+        }
+        let path = self.names.files()[0].path().display();
+        Err(self.refused_part().unwrap_or_else(|| {
+            Error::Unsupported(format!(
+                "{path}: luminance with colour differences (channels Y, RY, BY) is not supported"
+            ))
+        }))
+    }
+
+    /// What stands in the way of the first part that cannot be decoded: the reason where nothing better is found.
+    fn refused_part(&self) -> Option<Error> {
+        let file = &self.names.files()[0];
+        file.parts().iter().find_map(|part| {
+            let (path, label) = (file.path().display(), part.label());
+            let refusal = part.refusal.as_ref()?;
+            Some(Error::Unsupported(format!("{path}: {label}: {refusal}")))
+        })
+    }
+
+    /// Layers with red, green and blue that can be decoded.
+    fn decodable_colours(&self) -> Vec<(&'a str, Vec<ChannelRef>)> {
+        let layers = self.names.layers(0).into_iter();
+        let coloured =
+            layers.filter_map(|name| Some((name, self.layer(name, Components::Colour)?)));
+        coloured
+            .filter(|(_, channels)| self.decodable(channels))
+            .collect()
+    }
+
+    /// The channel of a file that has no other.
+    fn only_channel(&self) -> Option<Vec<ChannelRef>> {
+        let parts = self.names.files()[0].parts().iter();
+        let mut channels =
+            parts.flat_map(|part| (0..part.header.channels.list.len()).map(|c| (part.index, c)));
+        let (part, channel) = channels.next()?;
+        let only = ChannelRef {
+            file: 0,
+            part,
+            channel,
+        };
+        channels.next().is_none().then(|| vec![only])
+    }
+
+    /// Why there is no colour, among layers that may be it.
+    fn no_colour(&self, coloured: &[(&str, Vec<ChannelRef>)]) -> Error {
+        let path = self.names.files()[0].path().display();
+        let names = self.all_names();
+        if coloured.is_empty() {
+            return self.refused_part().unwrap_or_else(|| {
+                Error::Invalid(format!(
+                    "{path}: no colour channels (R G B) found; its channels are {names}"
+                ))
+            });
+        }
+        let layers: Vec<String> = (coloured.iter())
+            .map(|(layer, _)| format!("{layer:?}"))
+            .collect();
+        Error::Incomplete {
+            problem: format!(
+                "{path}: which layer is the colour? It may be {}; its channels are {names}",
+                layers.join(", ")
+            ),
+            remedy: Remedy::Colour,
+        }
+    }
+}
+
+/// These channels as the colour.
+fn colour(channels: Vec<ChannelRef>, rule: String) -> Assignment {
+    Assignment {
+        role: Role::Colour,
+        channels,
+        meaning: Meaning::OfMean,
+        rule,
+        by_user: false,
+    }
+}
+
+fn describe_layer(layer: &str) -> String {
+    if layer.is_empty() {
+        "bare names".into()
+    } else {
+        format!("{layer:?}")
+    }
+}
+
+/// Whether a layer is called as renderers call their variances.
+fn is_noise(layer: &str) -> bool {
+    let layer = layer.to_ascii_lowercase();
+    ["variance", "mse"].iter().any(|word| layer.contains(word)) || layer.ends_with("_var")
+}

@@ -1,0 +1,293 @@
+//! A part that is written anew: denoised rows, until they fill a row of chunks.
+
+use std::sync::Arc;
+
+use exr::meta::attribute::{ChannelList, IntegerBounds, SampleType};
+use half::f16;
+
+use crate::error::Error;
+use crate::exr_file::compression::SharedCodec;
+use crate::exr_file::writer::ExrWriter;
+use crate::exr_file::{ExrFile, PartRows, check_decodable};
+use crate::image::rewrite::{Fill, RewrittenPart};
+use crate::row::OutputRow;
+
+/// What the part is to be, and its denoised samples since the last full row of chunks.
+#[derive(Debug)]
+pub(crate) struct PartInProgress {
+    part: RewrittenPart,
+    kept: Kept,
+    /// The input's row that is the output's first.
+    first_row: usize,
+    /// Samples of each channel that is not kept, row by row; empty for those that are.
+    denoised: Vec<Vec<u8>>,
+    input: Arc<ExrFile>,
+    /// What decodes the input's chunks once more, and encodes the output's.
+    codec: SharedCodec,
+    /// The chunk that is being written.
+    chunk: Vec<u8>,
+    /// The chunk of the input that it is made of, where the channels differ.
+    decoded: Vec<u8>,
+}
+
+/// Where the channels that are kept come from.
+#[derive(Debug)]
+enum Kept {
+    /// There are none.
+    Nothing,
+    /// The input's chunks, which are cut like the output's.
+    Chunks,
+    /// The input's rows: its chunks have another height.
+    Rows(Box<PartRows>),
+}
+
+impl PartInProgress {
+    /// Begins a part of the output of `input`. Errors as for [`check_decodable`].
+    pub(crate) fn new(
+        part: RewrittenPart,
+        input: &Arc<ExrFile>,
+        codec: &SharedCodec,
+        first_row: usize,
+        limit: u64,
+    ) -> Result<Self, Error> {
+        let described = &input.parts()[part.index];
+        let same_chunks = described.grid.chunk_height() == part.grid.chunk_height();
+        let kept = if !part.fills.iter().any(|fill| matches!(fill, Fill::Input(_))) {
+            Kept::Nothing
+        } else if same_chunks {
+            check_decodable(input, part.index, limit)?;
+            Kept::Chunks
+        } else {
+            let mut rows = PartRows::new(input.clone(), codec.clone(), part.index, limit)?;
+            for fill in &part.fills {
+                if let Fill::Input(channel) = fill {
+                    rows.keep(*channel);
+                }
+            }
+            Kept::Rows(Box::new(rows))
+        };
+        let denoised = vec![Vec::new(); part.fills.len()];
+        Ok(Self {
+            part,
+            kept,
+            first_row,
+            denoised,
+            input: input.clone(),
+            codec: codec.clone(),
+            chunk: Vec::new(),
+            decoded: Vec::new(),
+        })
+    }
+
+    /// The part's number.
+    pub(crate) fn index(&self) -> usize {
+        self.part.index
+    }
+
+    /// Keeps the samples of a row; returns how many were clamped.
+    pub(crate) fn take_row(&mut self, y: usize, row: &OutputRow) -> u64 {
+        let grid = self.part.grid;
+        let bounds = grid.bounds(0, grid.chunk_row(y));
+        let line = y - bounds.position.1 as usize;
+        let mut clamped = 0;
+        let list = &self.part.header.channels.list;
+        for ((channel, fill), denoised) in list.iter().zip(&self.part.fills).zip(&mut self.denoised)
+        {
+            let plane = match *fill {
+                Fill::Input(_) => continue,
+                Fill::Colour(k) => &row.colour[k],
+                Fill::Layer(n, k) => &row.layers[n][k],
+                Fill::Error => &row.error,
+                Fill::Radius => &row.radius,
+                Fill::Rank => &row.rank,
+            };
+            let bytes = plane.len() * channel.sample_type.bytes_per_sample();
+            denoised.resize(bounds.size.1 * bytes, 0);
+            let out = &mut denoised[line * bytes..(line + 1) * bytes];
+            clamped += encode_samples(channel.sample_type, plane, out);
+        }
+        clamped
+    }
+
+    /// Writes a row of chunks once `y`, its last row, is there.
+    pub(crate) fn write_full_chunks(
+        &mut self,
+        y: usize,
+        writer: &mut ExrWriter,
+    ) -> Result<(), Error> {
+        let grid = self.part.grid;
+        let chunk_row = grid.chunk_row(y);
+        let first = grid.bounds(0, chunk_row);
+        if y + 1 < first.position.1 as usize + first.size.1 {
+            return Ok(());
+        }
+        for column in 0..grid.columns() {
+            self.assemble(column, chunk_row)?;
+            let bounds = grid.bounds(column, chunk_row);
+            self.codec
+                .lock()
+                .encode(&self.part.header, &mut self.chunk, bounds)
+                .map_err(|error| {
+                    Error::Unsupported(format!(
+                        "{}: part {}: row {}: cannot be compressed: {error}",
+                        writer.path().display(),
+                        self.part.index,
+                        first.position.1
+                    ))
+                })?;
+            writer.write_chunk(
+                self.part.index,
+                chunk_row * grid.columns() + column,
+                &self.chunk,
+            )?;
+        }
+        Ok(())
+    }
+
+    /// A chunk of the output: what is kept of the input, and what was denoised.
+    fn assemble(&mut self, column: usize, chunk_row: usize) -> Result<(), Error> {
+        let bounds = self.part.grid.bounds(column, chunk_row);
+        self.fill_kept(column, chunk_row, bounds)?;
+        let width = self.part.header.layer_size.0;
+        let lines = Lines::new(&self.part.header.channels, bounds);
+        for (channel, denoised) in self.denoised.iter().enumerate() {
+            let size = lines.sizes[channel];
+            let row = width * size;
+            let x = bounds.position.0 as usize * size;
+            for (line, samples) in denoised
+                .chunks_exact(row.max(1))
+                .take(bounds.size.1)
+                .enumerate()
+            {
+                let at = lines.range(channel, line);
+                let length = at.len();
+                self.chunk[at].copy_from_slice(&samples[x..x + length]);
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes a chunk of the output with the kept channels in place; the others hold anything.
+    fn fill_kept(
+        &mut self,
+        column: usize,
+        chunk_row: usize,
+        bounds: IntegerBounds,
+    ) -> Result<(), Error> {
+        let channels = &self.part.header.channels;
+        let bytes = bounds.size.0 * bounds.size.1 * channels.bytes_per_pixel;
+        let to = Lines::new(channels, bounds);
+        let kept = |(channel, fill): (usize, &Fill)| match fill {
+            Fill::Input(from) => Some((channel, *from)),
+            _ => None,
+        };
+        let kept = self.part.fills.iter().enumerate().filter_map(kept);
+        match &mut self.kept {
+            Kept::Nothing => self.chunk.resize(bytes, 0),
+            Kept::Chunks => {
+                let above = self.first_row / self.part.grid.chunk_height();
+                let (index, place) = (self.part.index, (column, above + chunk_row));
+                let old = &self.input.parts()[index].header.channels;
+                if old == channels {
+                    let (codec, chunk) = (&self.codec, &mut self.chunk);
+                    return (self.input).decode_chunk(codec, index, place, |_| true, chunk);
+                }
+                let (codec, decoded) = (&self.codec, &mut self.decoded);
+                (self.input).decode_chunk(codec, index, place, |_| true, decoded)?;
+                self.chunk.resize(bytes, 0);
+                let from = Lines::new(old, bounds);
+                for (channel, old) in kept {
+                    for line in 0..bounds.size.1 {
+                        let samples = &self.decoded[from.range(old, line)];
+                        self.chunk[to.range(channel, line)].copy_from_slice(samples);
+                    }
+                }
+            }
+            Kept::Rows(rows) => {
+                // only scanline chunks depend on the compression for their height: they span the width
+                let first = self.first_row + bounds.position.1 as usize;
+                self.chunk.resize(bytes, 0);
+                for line in 0..bounds.size.1 {
+                    for (channel, old) in kept.clone() {
+                        rows.copy_row(old, first + line, &mut self.chunk[to.range(channel, line)])?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Where each line of each channel lies in a chunk.
+struct Lines {
+    width: usize,
+    bytes_per_pixel: usize,
+    starts: Vec<usize>,
+    sizes: Vec<usize>,
+}
+
+impl Lines {
+    fn new(channels: &ChannelList, bounds: IntegerBounds) -> Self {
+        let sizes = channels
+            .list
+            .iter()
+            .map(|c| c.sample_type.bytes_per_sample())
+            .collect();
+        let starts = channels
+            .channels_with_byte_offset()
+            .map(|(start, _)| start)
+            .collect();
+        let bytes_per_pixel = channels.bytes_per_pixel;
+        Self {
+            width: bounds.size.0,
+            bytes_per_pixel,
+            starts,
+            sizes,
+        }
+    }
+
+    fn range(&self, channel: usize, line: usize) -> std::ops::Range<usize> {
+        let start = line * self.width * self.bytes_per_pixel + self.width * self.starts[channel];
+        start..start + self.width * self.sizes[channel]
+    }
+}
+
+/// Writes `values` as samples in native byte order. Returns how many finite values would have become infinite.
+fn encode_samples(kind: SampleType, values: &[f32], out: &mut [u8]) -> u64 {
+    match kind {
+        SampleType::F32 => {
+            out.copy_from_slice(bytemuck::cast_slice(values));
+            0
+        }
+        SampleType::F16 => {
+            let mut clamped = 0;
+            let (samples, _) = out.as_chunks_mut::<2>();
+            for (sample, &value) in samples.iter_mut().zip(values) {
+                let mut half = f16::from_f32(value);
+                if half.is_infinite() && value.is_finite() {
+                    half = if value > 0.0 { f16::MAX } else { f16::MIN };
+                    clamped += 1;
+                }
+                *sample = bytemuck::cast(half);
+            }
+            clamped
+        }
+        // refused when the output was planned
+        SampleType::U32 => unreachable!("integers are not denoised"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_beyond_half_precision_becomes_the_largest_half_and_is_counted() {
+        let mut halves = [f16::ZERO; 4];
+        let values = [1.0, 70000.0, -1e9, 65504.0];
+        let bytes = bytemuck::bytes_of_mut(&mut halves);
+        let clamped = encode_samples(SampleType::F16, &values, bytes);
+        assert_eq!(halves.map(f16::to_f32), [1.0, 65504.0, -65504.0, 65504.0]);
+        assert_eq!(clamped, 2);
+    }
+}

@@ -1,0 +1,342 @@
+//! What the output file will be: which parts are copied, which are written anew, and what fills their channels.
+
+use exr::meta::attribute::{
+    ChannelDescription, ChannelList, Compression, LevelMode, LineOrder, SampleType, Text,
+};
+use exr::meta::header::Header;
+use exr::meta::{BlockDescription, compute_chunk_count};
+
+use crate::channels::names::ChannelRef;
+use crate::error::Error;
+use crate::exr_file::attributes::{Attributes, FLAG_LONG_NAMES};
+use crate::exr_file::grid::ChunkGrid;
+use crate::exr_file::writer::OutputPart;
+use crate::exr_file::{ExrFile, Part};
+
+/// Channel with the estimated mean squared error of each pixel, radiance squared.
+pub const ERROR_CHANNEL: &str = "linpred.error";
+/// Channel with the mean half-width of the prediction windows, pixels.
+pub const RADIUS_CHANNEL: &str = "linpred.radius";
+/// Channel with the mean local rank of the models.
+pub const RANK_CHANNEL: &str = "linpred.rank";
+
+/// What goes into the output beside the denoised colour.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ExtraLayers {
+    /// [`ERROR_CHANNEL`].
+    pub error: bool,
+    /// [`RADIUS_CHANNEL`] and [`RANK_CHANNEL`].
+    pub models: bool,
+}
+
+/// What fills a channel of a part that is written anew.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fill {
+    /// The input's channel at this position, bit for bit.
+    Input(usize),
+    /// A component of the denoised colour.
+    Colour(usize),
+    /// A component of a denoised layer.
+    Layer(usize, usize),
+    /// The estimated error.
+    Error,
+    /// The models' mean radius.
+    Radius,
+    /// The models' mean rank.
+    Rank,
+}
+
+/// A part that is written anew.
+#[derive(Clone, Debug)]
+pub struct RewrittenPart {
+    /// Its number, in the input as in the output.
+    pub index: usize,
+    /// Its header in the output.
+    pub header: Header,
+    /// How it is cut in the output.
+    pub grid: ChunkGrid,
+    /// What fills each channel.
+    pub fills: Vec<Fill>,
+}
+
+impl RewrittenPart {
+    /// Bytes per pixel of the channels that are not kept.
+    pub fn denoised_bytes(&self) -> u64 {
+        let channels = self.header.channels.list.iter().zip(&self.fills);
+        let denoised = channels.filter(|(_, fill)| !matches!(fill, Fill::Input(_)));
+        denoised
+            .map(|(channel, _)| channel.sample_type.bytes_per_sample() as u64)
+            .sum()
+    }
+}
+
+/// The output file.
+#[derive(Clone, Debug)]
+pub struct Rewrite {
+    /// The version field.
+    pub version: u32,
+    /// All parts as they will be written.
+    pub parts: Vec<OutputPart>,
+    /// Those of them that are not copies.
+    pub rewritten: Vec<RewrittenPart>,
+    /// The input's row that is the output's first; 0 unless the output is a band of the image.
+    pub first_row: usize,
+    /// What a user should know about them.
+    pub notes: Vec<String>,
+}
+
+impl Rewrite {
+    /// The output of denoising `colour` and `layers` of `input`. [`Error::Unsupported`] if one of them holds integers.
+    pub fn new(
+        input: &ExrFile,
+        colour: &[ChannelRef; 3],
+        layers: &[[ChannelRef; 3]],
+        extra: ExtraLayers,
+    ) -> Result<Self, Error> {
+        let mut output = Self {
+            version: input.version(),
+            parts: Vec::new(),
+            rewritten: Vec::new(),
+            first_row: 0,
+            notes: Vec::new(),
+        };
+        for part in input.parts() {
+            let fill = |channel| fill_of(part.index, channel, colour, layers);
+            let count = part.header.channels.list.len();
+            let fills: Vec<Fill> = (0..count).map(fill).collect();
+            if fills.iter().all(|fill| matches!(fill, Fill::Input(_))) {
+                output.parts.push(copied(part));
+                continue;
+            }
+            check_types(input, part, &fills)?;
+            let extra = if part.index == colour[0].part {
+                extra
+            } else {
+                ExtraLayers::default()
+            };
+            output.rewrite(input, part, fills, extra);
+        }
+        Ok(output)
+    }
+
+    fn rewrite(&mut self, input: &ExrFile, part: &Part, fills: Vec<Fill>, extra: ExtraLayers) {
+        let place = format!("{}: {}", input.path().display(), part.label());
+        let mut header = part.header.clone();
+        let mut attributes = part.attributes.clone();
+        let fills = add_channels(&mut header, &mut attributes, fills, extra);
+        self.choose_compression(&place, &mut header, &mut attributes, &fills);
+        if header.line_order == LineOrder::Decreasing {
+            self.notes.push(format!(
+                "{place}: rows were stored from bottom to top, and are written from top to bottom"
+            ));
+            header.line_order = LineOrder::Increasing;
+            attributes.set("lineOrder", "lineOrder", vec![0]);
+        }
+        self.drop_levels(&place, &mut header, &mut attributes);
+        header.chunk_count =
+            compute_chunk_count(header.compression, header.layer_size, header.blocks);
+        if attributes.int("chunkCount").is_some() {
+            let count = (header.chunk_count as i32).to_le_bytes().to_vec();
+            attributes.set("chunkCount", "int", count);
+        }
+        if header
+            .channels
+            .list
+            .iter()
+            .any(|channel| channel.name.bytes().len() > 31)
+        {
+            self.version |= FLAG_LONG_NAMES;
+        }
+        let lines = header.compression.scan_lines_per_block();
+        let grid = ChunkGrid::new(header.data_window(), header.blocks, lines);
+        let chunks = header.chunk_count;
+        self.parts.push(OutputPart {
+            attributes,
+            shape: part.shape,
+            grid,
+            chunks,
+        });
+        self.rewritten.push(RewrittenPart {
+            index: part.index,
+            header,
+            grid,
+            fills,
+        });
+    }
+
+    /// A lossy compression stays where it only meets what was denoised. It may not touch the added layers, nor, a second
+    /// time, channels that are to be kept.
+    fn choose_compression(
+        &mut self,
+        place: &str,
+        header: &mut Header,
+        attributes: &mut Attributes,
+        fills: &[Fill],
+    ) {
+        if !header.compression.may_loose_data() {
+            return;
+        }
+        self.notes.push(format!(
+            "{place}: was stored with {}, which loses data: its noise is not what was rendered",
+            header.compression
+        ));
+        let added = fills
+            .iter()
+            .any(|fill| matches!(fill, Fill::Error | Fill::Radius | Fill::Rank));
+        let dwa = matches!(
+            header.compression,
+            Compression::DWAA(_) | Compression::DWAB(_)
+        );
+        let channels = header.channels.list.iter().zip(fills);
+        let altered = channels.filter(|(channel, fill)| {
+            dwa && matches!(fill, Fill::Input(_)) && dwa_is_lossy_for(&channel.name.to_string())
+        });
+        let altered: Vec<String> = altered
+            .map(|(channel, _)| channel.name.to_string())
+            .collect();
+        let reason = match (added, altered.is_empty()) {
+            (true, _) => "so that the added layers lose nothing".to_owned(),
+            (false, false) => format!("so that what is kept loses no more: {}", altered.join(" ")),
+            (false, true) => return,
+        };
+        self.notes
+            .push(format!("{place}: written with zip compression, {reason}"));
+        header.compression = Compression::ZIP16;
+        attributes.set("compression", "compression", vec![ZIP16_CODE]);
+    }
+
+    fn drop_levels(&mut self, place: &str, header: &mut Header, attributes: &mut Attributes) {
+        if let BlockDescription::Tiles(tiles) = &mut header.blocks
+            && tiles.level_mode != LevelMode::Singular
+        {
+            self.notes.push(format!(
+                "{place}: smaller levels (mip or rip maps) are left out: they show the noisy image"
+            ));
+            tiles.level_mode = LevelMode::Singular;
+            let size = tiles.tile_size;
+            attributes.set("tiles", "tiledesc", encode_tiles(size.0, size.1));
+        }
+    }
+}
+
+/// The value of the `compression` attribute for zip with 16 rows per chunk.
+const ZIP16_CODE: u8 = 3;
+
+/// Whether DWA puts a channel of this name through its cosine transform; it recognises colours by their last component
+/// (OpenEXR's `sDefaultChannelRules`), and stores the rest without loss. B44 and PXR24 lose nothing the second time.
+fn dwa_is_lossy_for(channel: &str) -> bool {
+    let component = channel
+        .rsplit('.')
+        .next()
+        .unwrap_or(channel)
+        .to_ascii_lowercase();
+    matches!(
+        component.as_str(),
+        "r" | "g" | "b" | "y" | "ry" | "by" | "red" | "grn" | "green" | "blu" | "blue"
+    )
+}
+
+fn copied(part: &Part) -> OutputPart {
+    OutputPart {
+        attributes: part.attributes.clone(),
+        shape: part.shape,
+        grid: part.grid,
+        chunks: part.header.chunk_count,
+    }
+}
+
+fn fill_of(
+    part: usize,
+    channel: usize,
+    colour: &[ChannelRef; 3],
+    layers: &[[ChannelRef; 3]],
+) -> Fill {
+    let at = ChannelRef {
+        file: 0,
+        part,
+        channel,
+    };
+    if let Some(k) = colour.iter().position(|&c| c == at) {
+        return Fill::Colour(k);
+    }
+    let layer = layers
+        .iter()
+        .enumerate()
+        .find_map(|(n, layer)| Some((n, layer.iter().position(|&c| c == at)?)));
+    layer.map_or(Fill::Input(channel), |(n, k)| Fill::Layer(n, k))
+}
+
+fn check_types(input: &ExrFile, part: &Part, fills: &[Fill]) -> Result<(), Error> {
+    let integer = (0..fills.len())
+        .find(|&c| !matches!(fills[c], Fill::Input(_)) && part.sample_type(c) == SampleType::U32);
+    match integer {
+        None => Ok(()),
+        Some(channel) => Err(Error::Unsupported(format!(
+            "{}: {}: channel {:?} holds integers, which cannot be denoised",
+            input.path().display(),
+            part.label(),
+            part.channel_name(channel)
+        ))),
+    }
+}
+
+/// Adds the extra channels, replacing those of the same name from an earlier run, and keeps the list sorted.
+fn add_channels(
+    header: &mut Header,
+    attributes: &mut Attributes,
+    fills: Vec<Fill>,
+    extra: ExtraLayers,
+) -> Vec<Fill> {
+    let mut added = Vec::new();
+    if extra.error {
+        added.push((ERROR_CHANNEL, Fill::Error));
+    }
+    if extra.models {
+        added.extend([(RADIUS_CHANNEL, Fill::Radius), (RANK_CHANNEL, Fill::Rank)]);
+    }
+    if added.is_empty() {
+        return fills;
+    }
+    let old = header.channels.list.iter().cloned().zip(fills);
+    let mut list: Vec<(ChannelDescription, Fill)> = old
+        .filter(|(channel, _)| added.iter().all(|(name, _)| !channel.name.eq(name)))
+        .collect();
+    list.extend(added.iter().map(|&(name, fill)| {
+        let text = Text::new_or_panic(name);
+        (ChannelDescription::new(text, SampleType::F32, true), fill)
+    }));
+    list.sort_by(|(a, _), (b, _)| a.name.bytes().cmp(b.name.bytes()));
+    let (channels, fills): (Vec<_>, Vec<_>) = list.into_iter().unzip();
+    header.channels = ChannelList::new(channels.into());
+    attributes.set("channels", "chlist", encode_channels(&header.channels));
+    fills
+}
+
+fn encode_channels(channels: &ChannelList) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for channel in &channels.list {
+        bytes.extend_from_slice(channel.name.bytes());
+        bytes.push(0);
+        let kind: i32 = match channel.sample_type {
+            SampleType::U32 => 0,
+            SampleType::F16 => 1,
+            SampleType::F32 => 2,
+        };
+        bytes.extend_from_slice(&kind.to_le_bytes());
+        bytes.extend_from_slice(&[channel.quantize_linearly.into(), 0, 0, 0]);
+        for sampling in [channel.sampling.0, channel.sampling.1] {
+            bytes.extend_from_slice(&(sampling as i32).to_le_bytes());
+        }
+    }
+    bytes.push(0);
+    bytes
+}
+
+/// A tile description of one level.
+fn encode_tiles(width: usize, height: usize) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    bytes.extend_from_slice(&(width as u32).to_le_bytes());
+    bytes.extend_from_slice(&(height as u32).to_le_bytes());
+    bytes.push(0);
+    bytes
+}

@@ -1,0 +1,342 @@
+//! What a file holds and what would be done with it.
+
+use std::fmt;
+use std::num::NonZeroUsize;
+use std::ops::ControlFlow;
+
+use linpred_core::Feature;
+
+use crate::channels::roles::Roles;
+use crate::channels::variance::Variance;
+use crate::error::Error;
+use crate::exr_file::{ExrFile, Part};
+use crate::image::rewrite::ExtraLayers;
+use crate::job::input::{Input, InputRequest};
+use crate::job::memory::{self, DEFAULT_MEMORY_LIMIT};
+use crate::job::plan;
+use crate::stream::survey::{self, Survey};
+
+/// A part in words.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct PartInfo {
+    /// Number and name.
+    pub label: String,
+    /// Columns of its data window.
+    pub width: usize,
+    /// Rows of its data window.
+    pub height: usize,
+    /// Top left corner of the data window.
+    pub origin: [i32; 2],
+    /// Compression.
+    pub compression: String,
+    /// Scanline chunks or tiles, and their size.
+    pub chunks: String,
+    /// Names and sample types of the channels.
+    pub channels: Vec<String>,
+    /// Why its pixels cannot be decoded, if they cannot.
+    pub refusal: Option<String>,
+    /// Whether `denoise` would copy it as it is.
+    pub passed_through: bool,
+}
+
+/// A role in words.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct RoleInfo {
+    /// The role's name.
+    pub role: String,
+    /// Names of its channels.
+    pub channels: Vec<String>,
+    /// Why these.
+    pub rule: String,
+}
+
+/// All that `inspect` says.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct Inspection {
+    /// The file.
+    pub path: String,
+    /// Its parts.
+    pub parts: Vec<PartInfo>,
+    /// Its roles, as far as they could be assigned.
+    pub roles: Vec<RoleInfo>,
+    /// Samples per pixel and who says so.
+    pub samples: Option<String>,
+    /// Where the variance comes from.
+    pub variance: Option<String>,
+    /// Features that are missing.
+    pub missing: Vec<String>,
+    /// Channels that play no role and stay as they are.
+    pub untouched: Vec<String>,
+    /// What was left aside, and why.
+    pub notes: Vec<String>,
+    /// What the pixels hold, if they were surveyed.
+    pub pixels: Option<Survey>,
+    /// Why `denoise` would refuse the file, if it would.
+    pub problem: Option<String>,
+}
+
+/// Inspects a file. A file that can be opened but not denoised is no error: the reason comes beside its description, and as
+/// its [`problem`](Inspection::problem).
+pub fn inspect(request: &InputRequest) -> Result<(Inspection, Option<Error>), Error> {
+    inspect_with(request, |_| Ok(None))
+}
+
+/// The same; if the file can be denoised, its pixels are what `survey` finds in them. An error of that is a problem of the file, but for
+/// one of memory.
+pub fn inspect_with(
+    request: &InputRequest,
+    survey: impl FnOnce(&Input) -> Result<Option<Survey>, Error>,
+) -> Result<(Inspection, Option<Error>), Error> {
+    let (mut inspection, problem) = match Input::open(request) {
+        Ok(input) => {
+            let mut inspection = describe(&input);
+            let mut problem = obstacle(&input);
+            if problem.is_none() {
+                match survey(&input) {
+                    Ok(pixels) => inspection.pixels = pixels,
+                    // says nothing of the file
+                    Err(error @ (Error::Budget(_) | Error::OverLimit { .. })) => return Err(error),
+                    Err(error) => problem = Some(error),
+                }
+            }
+            (inspection, problem)
+        }
+        Err(error @ (Error::Usage(_) | Error::Setting { .. })) => return Err(error),
+        Err(error) => (bare(&ExrFile::open(&request.path)?), Some(error)),
+    };
+    inspection.problem = problem.as_ref().map(ToString::to_string);
+    Ok((inspection, problem))
+}
+
+/// Surveys an input within `limit` bytes of memory, on fewer than `threads` threads where that takes less. `progress` is told how many rows are
+/// done. [`Error::OverLimit`] or [`Error::Budget`] if the memory does not suffice.
+pub fn survey(
+    input: &Input,
+    threads: NonZeroUsize,
+    limit: u64,
+    progress: &mut dyn FnMut(usize),
+) -> Result<Survey, Error> {
+    let (threads, plan) = plan::survey_plan(input, threads, limit);
+    plan.check(limit)?;
+    memory::check_available(&plan, threads.get())?;
+    let mut source = input.source(limit)?;
+    survey::survey(&mut source, threads, &mut |rows| {
+        progress(rows);
+        ControlFlow::Continue(())
+    })
+}
+
+/// Why an input whose roles are known cannot be denoised, if it cannot.
+fn obstacle(input: &Input) -> Option<Error> {
+    let refused = input.rewrite(ExtraLayers::default()).err();
+    refused.or_else(|| input.source(DEFAULT_MEMORY_LIMIT).err())
+}
+
+/// The description of a file without roles.
+fn bare(file: &ExrFile) -> Inspection {
+    Inspection {
+        path: file.path().display().to_string(),
+        parts: file
+            .parts()
+            .iter()
+            .map(|part| part_info(part, true))
+            .collect(),
+        ..Inspection::default()
+    }
+}
+
+/// Describes an input whose roles are known.
+pub fn describe(input: &Input) -> Inspection {
+    let roles = &input.roles;
+    let rewrite = input.rewrite(ExtraLayers::default());
+    let rewritten = |part: &Part| {
+        rewrite
+            .as_ref()
+            .is_ok_and(|output| output.rewritten.iter().any(|r| r.index == part.index))
+    };
+    let mut notes = roles.notes.clone();
+    if let Ok(output) = &rewrite {
+        notes.extend(output.notes.iter().cloned());
+    }
+    Inspection {
+        path: input.file().path().display().to_string(),
+        parts: input
+            .file()
+            .parts()
+            .iter()
+            .map(|part| part_info(part, !rewritten(part)))
+            .collect(),
+        roles: role_infos(input),
+        samples: roles.samples.as_ref().map(ToString::to_string),
+        variance: Some(variance_in_words(roles)),
+        missing: Feature::ALL
+            .into_iter()
+            .filter(|feature| roles.feature(*feature).is_none())
+            .map(|feature| feature.name().to_owned())
+            .collect(),
+        untouched: untouched(input),
+        notes,
+        pixels: None,
+        problem: None,
+    }
+}
+
+fn untouched(input: &Input) -> Vec<String> {
+    let assigned = input
+        .roles
+        .assignments
+        .iter()
+        .flat_map(|a| a.channels.iter().copied());
+    let used: Vec<_> = assigned
+        .chain(input.layers.iter().flat_map(|layer| layer.channels))
+        .collect();
+    let others = input
+        .names
+        .in_file(0)
+        .filter(|name| !used.contains(&name.at));
+    let mut untouched: Vec<String> = others.map(|name| input.names.name(name.at)).collect();
+    untouched.dedup();
+    untouched
+}
+
+fn role_infos(input: &Input) -> Vec<RoleInfo> {
+    let names = &input.names;
+    let info = |role: &str, channels: &[_], rule: String| RoleInfo {
+        role: role.to_owned(),
+        channels: channels.iter().map(|&at| names.name(at)).collect(),
+        rule,
+    };
+    let assigned = input
+        .roles
+        .assignments
+        .iter()
+        .map(|a| info(a.role.name(), &a.channels, a.rule.clone()));
+    let layers = input.layers.iter().map(|layer| {
+        info(
+            "layer",
+            &layer.channels,
+            format!("asked for as {:?}", layer.name),
+        )
+    });
+    assigned.chain(layers).collect()
+}
+
+fn variance_in_words(roles: &Roles) -> String {
+    match roles.variance {
+        Variance::Given { meaning, .. } => format!("given: {meaning}"),
+        Variance::Halves { .. } => "half the difference of the half buffers, squared".into(),
+        Variance::OtherFile(_) => {
+            "half the difference to the other half, squared; the two images are averaged".into()
+        }
+        Variance::None => "estimated from the picture".into(),
+    }
+}
+
+fn part_info(part: &Part, passed_through: bool) -> PartInfo {
+    let grid = &part.grid;
+    let chunks = match grid.tiled() {
+        true => {
+            let levels = if grid.has_levels() {
+                ", with smaller levels"
+            } else {
+                ""
+            };
+            let size = grid.bounds(0, 0).size;
+            format!("tiles of {} x {}{levels}", size.0, size.1)
+        }
+        false => format!("scanline chunks of {}", grid.chunk_height()),
+    };
+    let channels = (part.header.channels.list.iter())
+        .map(|channel| format!("{} ({})", channel.name, type_name(channel.sample_type)))
+        .collect();
+    PartInfo {
+        label: part.label(),
+        width: part.header.layer_size.0,
+        height: part.header.layer_size.1,
+        origin: [part.data_window().position.0, part.data_window().position.1],
+        compression: part
+            .header
+            .compression
+            .to_string()
+            .replace(" compression", ""),
+        chunks,
+        channels,
+        refusal: part.refusal.as_ref().map(ToString::to_string),
+        passed_through,
+    }
+}
+
+fn type_name(kind: exr::meta::attribute::SampleType) -> &'static str {
+    use exr::meta::attribute::SampleType;
+    match kind {
+        SampleType::F16 => "half",
+        SampleType::F32 => "float",
+        SampleType::U32 => "uint",
+    }
+}
+
+impl fmt::Display for PartInfo {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [x, y] = self.origin;
+        let copied = match self.passed_through {
+            true => ", copied as it is",
+            false => "",
+        };
+        writeln!(
+            f,
+            "  {}: {} x {} at ({x}, {y}), {} compression, {}{copied}",
+            self.label, self.width, self.height, self.compression, self.chunks
+        )?;
+        writeln!(f, "    {}", self.channels.join(", "))?;
+        match &self.refusal {
+            Some(refusal) => writeln!(f, "    not decoded: {refusal}"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl fmt::Display for RoleInfo {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let channels = self.channels.join(" ");
+        writeln!(f, "  {:<16} {channels}  [{}]", self.role, self.rule)
+    }
+}
+
+impl fmt::Display for Inspection {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}", self.path)?;
+        self.parts.iter().try_for_each(|part| write!(f, "{part}"))?;
+        self.roles.iter().try_for_each(|role| write!(f, "{role}"))?;
+        if let Some(variance) = &self.variance {
+            writeln!(f, "  variance from     {variance}")?;
+            writeln!(
+                f,
+                "  samples per pixel {}",
+                self.samples.as_deref().unwrap_or("not stated")
+            )?;
+        }
+        if !self.missing.is_empty() {
+            writeln!(
+                f,
+                "  no features       {} (denoised without)",
+                self.missing.join(", ")
+            )?;
+        }
+        if !self.untouched.is_empty() {
+            writeln!(f, "  kept as they are  {}", self.untouched.join(" "))?;
+        }
+        for note in &self.notes {
+            writeln!(f, "  note: {note}")?;
+        }
+        if let Some(pixels) = &self.pixels {
+            write!(f, "{pixels}")?;
+        }
+        match &self.problem {
+            Some(problem) => writeln!(f, "  cannot be denoised: {problem}"),
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! What one command does: a file is denoised, inspected, compared with another, put together of bands.
+//!
+//! ```no_run
+//! use std::path::Path;
+//! use std::sync::Arc;
+//! use std::sync::atomic::AtomicBool;
+//!
+//! use linpred::job::{Input, InputRequest, JobOptions, denoise};
+//!
+//! fn main() -> Result<(), linpred::Error> {
+//!     let input = Input::open(&InputRequest::new("noisy.exr"))?;
+//!     let never = Arc::new(AtomicBool::new(false));
+//!     let mut progress = |rows| println!("{rows} of {} rows", input.height());
+//!     let done = denoise(&input, Path::new("clean.exr"), &JobOptions::default(), &never, &mut progress)?;
+//!     println!("{} models", done.report.models);
+//!     Ok(())
+//! }
+//! ```
+
+mod band;
+mod compare;
+mod denoise;
+mod input;
+mod inspect;
+mod memory;
+mod options;
+mod plan;
+mod sequence;
+mod stitch;
+
+pub use band::{BAND_ATTRIBUTE, Band, BandSink, BandSource, WHOLE_ATTRIBUTE};
+pub use compare::{Comparison, WorstPixel, compare};
+pub use denoise::{Summary, denoise};
+pub use input::{Input, InputRequest};
+pub use inspect::{Inspection, PartInfo, RoleInfo, describe, inspect, inspect_with, survey};
+pub use memory::{DEFAULT_MEMORY_LIMIT, MemoryPlan};
+pub use options::JobOptions;
+pub use plan::{Schedule, plan};
+pub use sequence::{FramePattern, parse_frames};
+pub use stitch::stitch;

@@ -1,0 +1,266 @@
+//! What denoising a file will hold in memory, and how to stay within a limit.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::num::NonZeroUsize;
+
+use exr::meta::attribute::Compression;
+
+use crate::error::Error;
+use crate::exr_file::Part;
+use crate::exr_file::compression::{chunks_while_coding, coded_at_once};
+use crate::image::rewrite::{Fill, Rewrite};
+use crate::job::input::Input;
+use crate::job::memory::MemoryPlan;
+use crate::job::options::JobOptions;
+use crate::row::{InputRow, OutputRow};
+use crate::stream::overlap::ROWS_IN_FLIGHT;
+use crate::stream::pipeline;
+use crate::stream::survey;
+
+/// The program itself, its tables and what the allocator keeps back (measured: 5 to 8 MiB).
+const PROGRAM: u64 = 10 << 20;
+
+/// How a job runs: what of it can be given up to save memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Schedule {
+    /// Threads that compute.
+    pub threads: NonZeroUsize,
+    /// Rows read ahead, and rows waiting to be written; with 0 one thread reads, computes and writes in turn.
+    pub rows_in_flight: usize,
+    /// Whether chunks are decoded and encoded at once, each with working memory of its own, or in turn.
+    pub codes_at_once: bool,
+}
+
+impl Schedule {
+    /// Threads that compute, read and write.
+    pub fn all_threads(self) -> usize {
+        self.threads.get() + if self.rows_in_flight > 0 { 2 } else { 0 }
+    }
+}
+
+/// How [`denoise`](super::denoise) would run, and what it would hold in memory. [`Error::Unsupported`] if what is to be denoised holds integers.
+pub fn plan(input: &Input, options: &JobOptions) -> Result<(Schedule, MemoryPlan), Error> {
+    Ok(schedule(input, &input.rewrite(options.extra)?, options))
+}
+
+/// The fastest schedule that keeps within the limit of `options`, and its plan; the most frugal one if none does, which
+/// [`MemoryPlan::check`] tells.
+pub(crate) fn schedule(
+    input: &Input,
+    rewrite: &Rewrite,
+    options: &JobOptions,
+) -> (Schedule, MemoryPlan) {
+    let threads = options.pipeline.threads;
+    let frugal = Schedule {
+        threads: NonZeroUsize::MIN,
+        rows_in_flight: 0,
+        codes_at_once: false,
+    };
+    let plan = |schedule| (schedule, memory_plan(input, rewrite, schedule));
+    let fits = |(_, plan): &(Schedule, MemoryPlan)| plan.total() <= options.memory_limit;
+    schedules(threads, may_code_at_once(input, rewrite))
+        .into_iter()
+        .map(plan)
+        .find(fits)
+        .unwrap_or_else(|| plan(frugal))
+}
+
+/// Schedules from the fastest to the most frugal.
+fn schedules(threads: NonZeroUsize, at_once: bool) -> Vec<Schedule> {
+    let mut all = Vec::new();
+    if threads.get() > 1 {
+        let overlapped = [
+            (ROWS_IN_FLIGHT, true),
+            (ROWS_IN_FLIGHT, false),
+            (8, false),
+            (2, false),
+        ];
+        let possible = overlapped.into_iter().filter(|(_, own)| at_once || !own);
+        all.extend(possible.map(|(rows_in_flight, codes_at_once)| Schedule {
+            threads,
+            rows_in_flight,
+            codes_at_once,
+        }));
+    }
+    let mut fewer = Some(threads);
+    while let Some(threads) = fewer {
+        all.push(Schedule {
+            threads,
+            rows_in_flight: 0,
+            codes_at_once: false,
+        });
+        fewer = NonZeroUsize::new(threads.get() / 2);
+    }
+    all
+}
+
+/// Whether every compression that is decoded or encoded allows it.
+fn may_code_at_once(input: &Input, rewrite: &Rewrite) -> bool {
+    let files = input.names.files();
+    let read = input
+        .channels()
+        .into_iter()
+        .map(|at| &files[at.file].parts()[at.part].header);
+    let written = rewrite.rewritten.iter().map(|part| &part.header);
+    read.chain(written)
+        .all(|header| coded_at_once(header.compression))
+}
+
+/// What denoising `input` will hold in memory: file chunks, and the pipeline's bands of rows.
+pub(super) fn memory_plan(input: &Input, rewrite: &Rewrite, schedule: Schedule) -> MemoryPlan {
+    let mut plan = MemoryPlan::default();
+    plan.add("the program", PROGRAM);
+    add_reading(&mut plan, input);
+    let written = rewrite.rewritten.iter();
+    let written: Vec<&Part> = written
+        .map(|part| &input.file().parts()[part.index])
+        .collect();
+    add_coding(&mut plan, input, &written, schedule.codes_at_once);
+    add_writing(&mut plan, input, rewrite);
+    let layout = input.layout();
+    plan.add("computing", pipeline::bytes(&layout, schedule.threads));
+    if schedule.rows_in_flight > 0 {
+        // those in the channel, one being filled or emptied, and one more in the hand of the pipeline
+        let rows = schedule.rows_in_flight as u64 + 2;
+        let row = InputRow::bytes(&layout).saturating_add(OutputRow::bytes(&layout));
+        plan.add(
+            "rows read ahead and written behind",
+            row.saturating_mul(rows),
+        );
+    }
+    plan
+}
+
+/// How many of `threads` threads a survey of `input` takes to stay within `limit` bytes of memory, one if it cannot, and its plan.
+pub(super) fn survey_plan(
+    input: &Input,
+    threads: NonZeroUsize,
+    limit: u64,
+) -> (NonZeroUsize, MemoryPlan) {
+    let plan = |threads| {
+        let mut plan = MemoryPlan::default();
+        plan.add("the program", PROGRAM);
+        add_reading(&mut plan, input);
+        add_coding(&mut plan, input, &[], true);
+        plan.add("computing", survey::bytes(&input.layout(), threads));
+        (threads, plan)
+    };
+    std::iter::successors(Some(threads), |threads| {
+        NonZeroUsize::new(threads.get() / 2)
+    })
+    .map(plan)
+    .find(|(_, plan)| plan.total() <= limit)
+    .unwrap_or_else(|| plan(NonZeroUsize::MIN))
+}
+
+fn add_reading(plan: &mut MemoryPlan, input: &Input) {
+    let files = input.names.files();
+    let mut channels: BTreeMap<(usize, usize), BTreeSet<usize>> = BTreeMap::new();
+    for at in input.channels() {
+        channels
+            .entry((at.file, at.part))
+            .or_default()
+            .insert(at.channel);
+    }
+    for ((file, part), channels) in channels {
+        let part = &files[file].parts()[part];
+        let list = &part.header.channels.list;
+        let kept: usize = channels
+            .iter()
+            .map(|&channel| list[channel].sample_type.bytes_per_sample())
+            .sum();
+        let pixel = part.header.channels.bytes_per_pixel.max(1) as u64;
+        let bytes = part.chunk_row_bytes() / pixel * kept as u64;
+        let what = format!("{} of the channels of {}", channels.len(), describe(part));
+        plan.add(format!("reading {what}"), bytes);
+    }
+    let chunks = files
+        .iter()
+        .flat_map(|file| file.parts())
+        .map(|part| part.header.chunk_count as u64);
+    // 8 bytes of the input's table, 8 of the output's
+    plan.add("offset tables", chunks.sum::<u64>().saturating_mul(16));
+}
+
+/// Working memory of the codecs: one for each file that is read, which codes the output too unless that has its own.
+fn add_coding(plan: &mut MemoryPlan, input: &Input, written: &[&Part], at_once: bool) {
+    let files = input.names.files();
+    let mut read: Vec<Vec<&Part>> = vec![Vec::new(); files.len()];
+    for at in input.channels() {
+        read[at.file].push(&files[at.file].parts()[at.part]);
+    }
+    if !at_once {
+        read[0].extend(written);
+    }
+    let mut add = |what: &str, parts: &[&Part]| {
+        if let Some(largest) = parts.iter().max_by_key(|part| coding_bytes(part)) {
+            plan.add(
+                format!("{what} {}", describe(largest)),
+                coding_bytes(largest),
+            );
+        }
+    };
+    for parts in &read {
+        add(
+            if at_once {
+                "decoding"
+            } else {
+                "decoding and encoding"
+            },
+            parts,
+        );
+    }
+    if at_once {
+        add("encoding", written);
+    }
+}
+
+/// Working memory to code a chunk of a part as it is in the input. A part that is written with another compression than its own is
+/// written with zip, which takes less.
+fn coding_bytes(part: &Part) -> u64 {
+    let chunks = chunks_while_coding(part.header.compression);
+    part.chunk_bytes().saturating_mul(chunks)
+}
+
+fn add_writing(plan: &mut MemoryPlan, input: &Input, rewrite: &Rewrite) {
+    for part in &rewrite.rewritten {
+        let source = &input.file().parts()[part.index];
+        let (width, height) = (part.header.layer_size.0, part.header.layer_size.1);
+        let rows = part.grid.chunk_height().min(height) as u64;
+        let pixels = rows.saturating_mul(width as u64);
+        plan.add(
+            format!("denoised rows of {}", source.label()),
+            pixels.saturating_mul(part.denoised_bytes()),
+        );
+        let new = &part.header.channels;
+        let chunk = pixels
+            .saturating_mul(new.bytes_per_pixel as u64)
+            .div_ceil(part.grid.columns() as u64);
+        let keeps = part.fills.iter().any(|f| matches!(f, Fill::Input(_)));
+        let old = match (
+            keeps,
+            source.grid.chunk_height() == part.grid.chunk_height(),
+        ) {
+            (false, _) => 0,
+            (true, false) => source.chunk_row_bytes(),
+            (true, true) if source.header.channels == *new => 0,
+            (true, true) => source.chunk_bytes(),
+        };
+        let bytes = chunk.saturating_add(old);
+        plan.add(format!("writing {}", describe(source)), bytes);
+    }
+}
+
+fn describe(part: &Part) -> String {
+    let compression = match part.header.compression {
+        Compression::Uncompressed => "uncompressed".to_owned(),
+        Compression::ZIP1 | Compression::ZIP16 => "zip".to_owned(),
+        other => other.to_string().replace(" compression", ""),
+    };
+    format!(
+        "{} ({compression}, chunks of {} rows x {} channels)",
+        part.label(),
+        part.grid.chunk_height().min(part.header.layer_size.1),
+        part.header.channels.list.len()
+    )
+}

@@ -1,0 +1,172 @@
+//! Frames of a sequence by the numbers in their names.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use crate::error::Error;
+
+/// Most frames of one command; more is a slip of the keyboard.
+const FRAME_LIMIT: u64 = 1_000_000;
+
+/// A file name with a place for the frame number: `shot.####.exr`, `shot.%04d.exr` or `shot.$F4.exr`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FramePattern {
+    folder: PathBuf,
+    before: String,
+    digits: usize,
+    after: String,
+}
+
+impl FramePattern {
+    /// The pattern in a path's last component. `None` if there is none, or if a file of exactly this name exists.
+    pub fn parse(path: &Path) -> Option<Self> {
+        let name = path.file_name()?.to_str()?;
+        let (start, end, digits) = find_hashes(name)
+            .or_else(|| find_printf(name))
+            .or_else(|| find_dollar(name))?;
+        if path.exists() {
+            return None;
+        }
+        Some(Self {
+            folder: path.parent().unwrap_or(Path::new("")).to_owned(),
+            before: name[..start].to_owned(),
+            digits,
+            after: name[end..].to_owned(),
+        })
+    }
+
+    /// The path of a frame.
+    pub fn path(&self, frame: u32) -> PathBuf {
+        let Self {
+            before,
+            digits,
+            after,
+            ..
+        } = self;
+        self.folder.join(format!("{before}{frame:0digits$}{after}"))
+    }
+
+    /// The frames whose files exist, in order.
+    pub fn existing(&self) -> Result<Vec<u32>, Error> {
+        let folder = if self.folder.as_os_str().is_empty() {
+            Path::new(".")
+        } else {
+            &self.folder
+        };
+        let read_error = |source| Error::Read {
+            context: format!("cannot list {}", folder.display()),
+            source,
+        };
+        let mut frames = BTreeSet::new();
+        for entry in std::fs::read_dir(folder).map_err(read_error)? {
+            let name = entry.map_err(read_error)?.file_name();
+            frames.extend(name.to_str().and_then(|name| self.frame_of(name)));
+        }
+        Ok(frames.into_iter().collect())
+    }
+
+    fn frame_of(&self, name: &str) -> Option<u32> {
+        let number = name.strip_prefix(&self.before)?.strip_suffix(&self.after)?;
+        let frame: u32 = number
+            .bytes()
+            .all(|b| b.is_ascii_digit())
+            .then(|| number.parse().ok())??;
+        // a number that would be written otherwise is another sequence's
+        (format!("{frame:0width$}", width = self.digits) == number).then_some(frame)
+    }
+}
+
+/// `####`: as many digits as there are hashes. The last run counts.
+fn find_hashes(name: &str) -> Option<(usize, usize, usize)> {
+    let end = name.rfind('#')? + 1;
+    let start = name[..end].rfind(|c| c != '#').map_or(0, |at| {
+        at + name[at..].chars().next().map_or(1, char::len_utf8)
+    });
+    Some((start, end, end - start))
+}
+
+/// `%04d` or `%d`.
+fn find_printf(name: &str) -> Option<(usize, usize, usize)> {
+    name.match_indices('%').find_map(|(start, _)| {
+        let rest = &name[start + 1..];
+        let digits = rest.find(|c: char| !c.is_ascii_digit())?;
+        let width = if digits == 0 {
+            1
+        } else {
+            rest[..digits].parse().ok().filter(|width| *width <= 9)?
+        };
+        rest[digits..]
+            .starts_with('d')
+            .then_some((start, start + digits + 2, width))
+    })
+}
+
+/// `$F4` or `$F`.
+fn find_dollar(name: &str) -> Option<(usize, usize, usize)> {
+    let start = name.find("$F")?;
+    let rest = &name[start + 2..];
+    match rest.bytes().next().filter(u8::is_ascii_digit) {
+        Some(digit) => Some((start, start + 3, usize::from(digit - b'0').max(1))),
+        None => Some((start, start + 2, 1)),
+    }
+}
+
+/// Parses `1-100x2,205`: ranges with an optional step, and single frames, joined by commas. [`Error::Usage`] otherwise.
+pub fn parse_frames(text: &str) -> Result<Vec<u32>, Error> {
+    let usage = || {
+        Error::Usage(format!(
+            "{text:?}: expected frames such as 7, 1-100 or 1-100x2, joined by commas"
+        ))
+    };
+    let number = |text: &str| text.trim().parse::<u32>().map_err(|_| usage());
+    let mut frames = Vec::new();
+    for range in text.split(',') {
+        let (range, step) = range.split_once('x').unwrap_or((range, "1"));
+        let (first, last) = range.split_once('-').unwrap_or((range, range));
+        let (first, last, step) = (number(first)?, number(last)?, number(step)?);
+        if step == 0 || last < first {
+            return Err(usage());
+        }
+        if frames.len() as u64 + u64::from((last - first) / step) >= FRAME_LIMIT {
+            return Err(Error::Usage(format!(
+                "{text:?}: more than {FRAME_LIMIT} frames"
+            )));
+        }
+        frames.extend((first..=last).step_by(step as usize));
+    }
+    Ok(frames)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_are_ranges_with_steps() {
+        assert_eq!(parse_frames("1-10x3,7, 20").unwrap(), [1, 4, 7, 10, 7, 20]);
+        for text in ["", "5-1", "1-9x0", "a", "1-", "0-4000000000"] {
+            assert!(parse_frames(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn every_spelling_of_a_pattern_names_the_same_file() {
+        for pattern in ["a/shot.####.exr", "a/shot.%04d.exr", "a/shot.$F4.exr"] {
+            let pattern = FramePattern::parse(Path::new(pattern)).unwrap();
+            assert_eq!(pattern.path(37), Path::new("a/shot.0037.exr"));
+            assert_eq!(pattern.frame_of("shot.0037.exr"), Some(37));
+            assert_eq!(pattern.frame_of("shot.12345.exr"), Some(12345));
+            assert_eq!(pattern.frame_of("shot.037.exr"), None);
+            assert_eq!(pattern.frame_of("shot.+037.exr"), None);
+        }
+        for pattern in ["s#.exr", "s%d.exr", "s$F.exr"] {
+            assert_eq!(
+                FramePattern::parse(Path::new(pattern)).unwrap().path(5),
+                Path::new("s5.exr")
+            );
+        }
+        for plain in ["shot.exr", "100%.exr", "a$b.exr", "%x.exr"] {
+            assert_eq!(FramePattern::parse(Path::new(plain)), None, "{plain}");
+        }
+    }
+}

@@ -1,0 +1,296 @@
+//! The rows of the image that are in memory, as the core wants them.
+
+use std::ops::Range;
+
+use linpred_core::{FEATURES, Feature};
+
+use crate::row::{InputRow, RowLayout, VarianceKind};
+use crate::stream::borders::{clamped, copy_clamped, copy_mirrored, mirrored};
+use crate::stream::row_ring::RowRing;
+
+/// Radiances and features beyond this magnitude count as not finite: their squares would leave `f32`.
+const LARGEST: f32 = 1e15;
+
+/// Depths from here on are what renderers write where a ray leaves the scene.
+const NO_SURFACE: f32 = 1e9;
+
+/// What cells read of a row.
+pub(crate) struct ColourRow {
+    /// Radiance, 0 where the pixel is bad.
+    pub(crate) colour: [Vec<f32>; 3],
+    /// 1, or 0 where the colour is not finite.
+    pub(crate) good: Vec<f32>,
+    /// Extra layers, 0 where not finite and where the pixel is bad: what a layer holds there is no better.
+    pub(crate) layers: Vec<[Vec<f32>; 3]>,
+}
+
+/// What else weights and filtered features are made of; cells do not read it, so it leaves earlier.
+pub(crate) struct GuideRow {
+    /// Mean magnitude of the channels, 0 where the pixel is bad.
+    pub(crate) luminance: Vec<f32>,
+    /// Variance of the mean, summed over the channels, 0 where the pixel is bad.
+    pub(crate) variance: Vec<f32>,
+    /// Features; NaN where missing, empty if the image has none.
+    pub(crate) features: [Vec<f32>; FEATURES],
+    /// Whether some pixel misses the feature.
+    missing: [bool; FEATURES],
+    /// Variances of the features; empty if the image has no such feature.
+    pub(crate) feature_variances: [Vec<f32>; FEATURES],
+    /// Columns outside which the feature has no variance.
+    noisy: [Range<usize>; FEATURES],
+}
+
+impl ColourRow {
+    /// Planes of a row.
+    pub(crate) fn planes(layout: &RowLayout) -> usize {
+        4 + 3 * layout.layers
+    }
+
+    fn new(layout: &RowLayout) -> Self {
+        let plane = || vec![0.0; layout.size.width()];
+        Self {
+            colour: std::array::from_fn(|_| plane()),
+            good: plane(),
+            layers: (0..layout.layers)
+                .map(|_| std::array::from_fn(|_| plane()))
+                .collect(),
+        }
+    }
+
+    fn fill(&mut self, input: &InputRow) {
+        for x in 0..self.good.len() {
+            let colour: [f32; 3] = std::array::from_fn(|c| input.colour[c][x]);
+            let good = colour.iter().all(|v| v.abs() <= LARGEST);
+            self.good[x] = if good { 1.0 } else { 0.0 };
+            for (plane, value) in self.colour.iter_mut().zip(colour) {
+                plane[x] = if good { value } else { 0.0 };
+            }
+        }
+        for (own, layer) in self.layers.iter_mut().zip(&input.layers) {
+            for (own, plane) in own.iter_mut().zip(layer) {
+                for ((own, &value), good) in own.iter_mut().zip(plane).zip(&self.good) {
+                    let usable = *good > 0.0 && value.abs() <= LARGEST;
+                    *own = if usable { value } else { 0.0 };
+                }
+            }
+        }
+    }
+}
+
+impl GuideRow {
+    /// Planes of a row.
+    pub(crate) fn planes(layout: &RowLayout) -> usize {
+        2 + 2 * layout.features.iter().filter(|present| **present).count()
+    }
+
+    fn new(layout: &RowLayout) -> Self {
+        let width = layout.size.width();
+        let feature = |k: usize| vec![0.0; if layout.features[k] { width } else { 0 }];
+        Self {
+            luminance: vec![0.0; width],
+            variance: vec![0.0; width],
+            features: std::array::from_fn(feature),
+            missing: [false; FEATURES],
+            noisy: [const { 0..0 }; FEATURES],
+            feature_variances: std::array::from_fn(feature),
+        }
+    }
+
+    fn fill(&mut self, input: &InputRow, colours: &ColourRow, kind: VarianceKind) {
+        self.luminance.fill(0.0);
+        for plane in &colours.colour {
+            for (sum, value) in self.luminance.iter_mut().zip(plane) {
+                *sum += value.abs() / 3.0;
+            }
+        }
+        self.variance.fill(0.0);
+        if kind != VarianceKind::Estimated {
+            for (variances, values) in input.variance.iter().zip(&colours.colour) {
+                let pixels = variances.iter().zip(values).zip(&colours.good);
+                for (sum, ((&variance, &value), good)) in self.variance.iter_mut().zip(pixels) {
+                    let checked = checked_variance(variance, value);
+                    *sum += if *good != 0.0 { checked } else { 0.0 };
+                }
+            }
+        }
+        for feature in Feature::ALL {
+            let limit = match feature.is_distance() {
+                true => NO_SURFACE,
+                false => f32::INFINITY,
+            };
+            for k in feature.range() {
+                self.fill_feature(k, input, limit);
+            }
+        }
+    }
+
+    /// Feature `k`, which counts as 0 without noise where its magnitude reaches `limit`.
+    fn fill_feature(&mut self, k: usize, input: &InputRow, limit: f32) {
+        let mut missing = false;
+        let sources = input.features[k].iter().zip(&input.feature_variances[k]);
+        let targets = self.features[k]
+            .iter_mut()
+            .zip(&mut self.feature_variances[k]);
+        for ((own, own_variance), (&value, &variance)) in targets.zip(sources) {
+            let leaves = value.abs() >= limit;
+            let value = if leaves { 0.0 } else { value };
+            let usable = value.abs() <= LARGEST;
+            missing |= !usable;
+            *own = if usable { value } else { f32::NAN };
+            let checked = checked_variance(variance, value);
+            *own_variance = if leaves { 0.0 } else { checked };
+        }
+        self.missing[k] = missing;
+        self.find_noise(k);
+    }
+
+    /// Notes anew where feature `k` has a variance; call it after changing those.
+    pub(crate) fn find_noise(&mut self, k: usize) {
+        let variances = &self.feature_variances[k];
+        let first = variances.iter().position(|v| *v > 0.0).unwrap_or(0);
+        let last = variances.iter().rposition(|v| *v > 0.0);
+        self.noisy[k] = first..last.map_or(first, |last| last + 1);
+    }
+
+    /// Whether feature `k` may have a variance in `columns`, or in the nearest ones of the image.
+    pub(crate) fn is_noisy(&self, k: usize, columns: &Range<usize>) -> bool {
+        let noisy = &self.noisy[k];
+        noisy.start < columns.end && columns.start < noisy.end
+    }
+}
+
+/// A variance that can be used: one that is not finite (a half float that overflowed) counts as the value's square.
+fn checked_variance(variance: f32, value: f32) -> f32 {
+    if variance.is_finite() {
+        variance.clamp(0.0, LARGEST * LARGEST)
+    } else {
+        (value * value).min(LARGEST * LARGEST)
+    }
+}
+
+/// The rows that are held.
+pub(crate) struct HeldRows {
+    layout: RowLayout,
+    colours: RowRing<ColourRow>,
+    guides: RowRing<GuideRow>,
+}
+
+impl HeldRows {
+    pub(crate) fn new(layout: RowLayout) -> Self {
+        Self {
+            layout,
+            colours: RowRing::new(),
+            guides: RowRing::new(),
+        }
+    }
+
+    /// The row after the last one held.
+    pub(crate) fn next(&self) -> usize {
+        self.colours.next()
+    }
+
+    /// The first row whose features are held.
+    pub(crate) fn first(&self) -> usize {
+        self.guides.first()
+    }
+
+    pub(crate) fn push(&mut self, input: &InputRow) {
+        let layout = &self.layout;
+        let colours = self.colours.push(|| ColourRow::new(layout));
+        colours.fill(input);
+        let guides = self.guides.push(|| GuideRow::new(layout));
+        guides.fill(input, colours, layout.variance);
+    }
+
+    /// Lets go of the colours before row `colours` and of the rest before row `guides`.
+    pub(crate) fn drop_before(&mut self, colours: usize, guides: usize) {
+        self.colours.drop_before(colours);
+        self.guides.drop_before(guides);
+    }
+
+    /// The colours of row `y`, or of the nearest row of the image. The caller has asked for rows that are held.
+    pub(crate) fn colours(&self, y: isize) -> &ColourRow {
+        self.colours.row(clamped(y, self.layout.size.height()))
+    }
+
+    /// The rest of row `y`, or of the nearest row of the image. The caller has asked for rows that are held.
+    pub(crate) fn guides(&self, y: isize) -> &GuideRow {
+        self.guides.row(clamped(y, self.layout.size.height()))
+    }
+
+    /// Row `y`, to fill in variances: those of bad pixels are to stay 0.
+    pub(crate) fn variances_mut(&mut self, y: usize) -> (&mut GuideRow, &ColourRow) {
+        (self.guides.row_mut(y), self.colours.row(y))
+    }
+
+    /// Feature `k` of row `y` from column `x` on, as [`Self::feature`] has it; zeros if the image has none.
+    pub(crate) fn copy_feature(&self, k: usize, x: isize, y: isize, target: &mut [f32]) {
+        self.copy_present(k, y, target, |row, target| copy_clamped(row, x, target));
+        self.fill_missing(k, y, target, |i| x + i as isize);
+    }
+
+    /// The same, but with the image mirrored at its left and right.
+    pub(crate) fn copy_feature_mirrored(&self, k: usize, x: isize, y: isize, target: &mut [f32]) {
+        let width = self.layout.size.width();
+        self.copy_present(k, y, target, |row, target| copy_mirrored(row, x, target));
+        self.fill_missing(k, y, target, |i| mirrored(x + i as isize, width) as isize);
+    }
+
+    fn copy_present(
+        &self,
+        k: usize,
+        y: isize,
+        target: &mut [f32],
+        copy: impl Fn(&[f32], &mut [f32]),
+    ) {
+        if self.layout.features[k] {
+            copy(&self.guides(y).features[k], target);
+        } else {
+            target.fill(0.0);
+        }
+    }
+
+    /// Fills in what is missing in a copy of row `y` whose i-th value is that of `column(i)`.
+    fn fill_missing(
+        &self,
+        k: usize,
+        y: isize,
+        target: &mut [f32],
+        column: impl Fn(usize) -> isize,
+    ) {
+        if self.guides(y).missing[k] {
+            for (i, value) in target.iter_mut().enumerate() {
+                if value.is_nan() {
+                    *value = self.feature(k, column(i), y);
+                }
+            }
+        }
+    }
+
+    /// Feature `k` at (x, y), from the nearest pixel of the image; a missing one is the mean of those around it, or 0.
+    pub(crate) fn feature(&self, k: usize, x: isize, y: isize) -> f32 {
+        if !self.layout.features[k] {
+            return 0.0;
+        }
+        let width = self.layout.size.width();
+        let value = self.guides(y).features[k][clamped(x, width)];
+        if !value.is_nan() {
+            return value;
+        }
+        let (x, y) = (
+            clamped(x, width) as isize,
+            clamped(y, self.layout.size.height()) as isize,
+        );
+        let (mut sum, mut count) = (0.0, 0.0);
+        for row in (y - 1..=y + 1).map(|y| self.guides(y)) {
+            for x in x - 1..=x + 1 {
+                let value = row.features[k][clamped(x, width)];
+                if !value.is_nan() {
+                    sum += value;
+                    count += 1.0;
+                }
+            }
+        }
+        if count > 0.0 { sum / count } else { 0.0 }
+    }
+}

@@ -1,0 +1,267 @@
+//! The core's loops, compiled for what the processor has.
+//!
+//! The core is portable code without fused multiply-add, so every one gives the same bits; wider registers only
+//! make it faster.
+
+use linpred_core::{
+    Cells, ColourBlock, FeatureGroup, FilteredGroup, NoiseBlock, NoisyBlock, Params, Scratch,
+    TILE_FEATURES, WeightBlock, denoise_cells, estimate_colour_noise, estimate_feature_noise,
+    prefilter, weigh_samples,
+};
+
+/// Cells that a thread denoises side by side: the lanes of the widest registers in double precision.
+pub(crate) const LANES: usize = 8;
+
+/// An instruction set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum InstructionSet {
+    /// What the target always has.
+    Baseline,
+    /// AVX2.
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    /// AVX-512 F, BW, DQ and VL.
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+}
+
+impl InstructionSet {
+    /// The best that this processor has.
+    pub(crate) fn detect() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        {
+            if is_x86_feature_detected!("avx512f")
+                && is_x86_feature_detected!("avx512bw")
+                && is_x86_feature_detected!("avx512dq")
+                && is_x86_feature_detected!("avx512vl")
+            {
+                return Self::Avx512;
+            }
+            if is_x86_feature_detected!("avx2") {
+                return Self::Avx2;
+            }
+        }
+        Self::Baseline
+    }
+}
+
+/// Defines a method of [`InstructionSet`] that runs a core function compiled for that.
+macro_rules! dispatched {
+    ($(#[$doc:meta])* $name:ident $([$($generics:tt)*])? ($($arg:ident: $ty:ty),*) -> $out:ty) => {
+        impl InstructionSet {
+            $(#[$doc])*
+            #[cfg_attr(not(target_arch = "x86_64"), inline)]
+            pub(crate) fn $name $(<$($generics)*>)? (self, $($arg: $ty),*) -> $out {
+                #[cfg(target_arch = "x86_64")]
+                {
+                    #[target_feature(enable = "avx2")]
+                    fn avx2 $(<$($generics)*>)? ($($arg: $ty),*) -> $out { $name($($arg),*) }
+                    #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
+                    fn avx512 $(<$($generics)*>)? ($($arg: $ty),*) -> $out { $name($($arg),*) }
+                    match self {
+                        Self::Baseline => {}
+                        // SAFETY: `detect` gives these only where the processor has their instructions.
+                        Self::Avx2 => return unsafe { avx2($($arg),*) },
+                        // SAFETY: as above.
+                        Self::Avx512 => return unsafe { avx512($($arg),*) },
+                    }
+                }
+                $name($($arg),*)
+            }
+        }
+    };
+}
+
+dispatched! {
+    /// [`linpred_core::weigh_samples`].
+    weigh_samples(input: &ColourBlock, output: &mut WeightBlock) -> ()
+}
+dispatched! {
+    /// [`linpred_core::prefilter`].
+    prefilter[const N: usize](input: &FeatureGroup<N>, output: &mut FilteredGroup<N>) -> bool
+}
+dispatched! {
+    /// [`linpred_core::denoise_cells`].
+    denoise_cells[C: Cells<TILE_FEATURES>](
+        cells: &mut C,
+        params: &Params,
+        scratch: &mut Scratch<TILE_FEATURES, LANES>
+    ) -> ()
+}
+dispatched! {
+    /// [`linpred_core::estimate_colour_noise`].
+    estimate_colour_noise(input: &NoisyBlock, output: &mut NoiseBlock) -> ()
+}
+dispatched! {
+    /// [`linpred_core::estimate_feature_noise`].
+    estimate_feature_noise(input: &NoisyBlock, output: &mut NoiseBlock) -> ()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write as _;
+
+    use linpred_core::{LayerTile, PixelState, Predictions, TILE, Tile};
+
+    use super::*;
+
+    /// What this processor has; says which it lacks, as the harness would hide what is printed.
+    fn instruction_sets() -> Vec<InstructionSet> {
+        let mut instruction_sets = vec![InstructionSet::Baseline];
+        #[cfg(target_arch = "x86_64")]
+        {
+            let avx2 = is_x86_feature_detected!("avx2").then_some(InstructionSet::Avx2);
+            let avx512 = (InstructionSet::detect() == InstructionSet::Avx512)
+                .then_some(InstructionSet::Avx512);
+            for (name, instruction_set) in [("AVX2", avx2), ("AVX-512", avx512)] {
+                if instruction_set.is_none() {
+                    let line = format!("NOT TESTED: this processor lacks {name}\n");
+                    std::io::stderr().write_all(line.as_bytes()).unwrap();
+                }
+                instruction_sets.extend(instruction_set);
+            }
+        }
+        instruction_sets
+    }
+
+    /// Numbers in 0..1 that look random.
+    struct Noise(u32);
+
+    impl Noise {
+        fn next(&mut self) -> f32 {
+            // xorshift32 (Marsaglia 2003)
+            self.0 ^= self.0 << 13;
+            self.0 ^= self.0 >> 17;
+            self.0 ^= self.0 << 5;
+            (self.0 >> 8) as f32 / (1 << 24) as f32
+        }
+
+        fn fill<'a>(&mut self, planes: impl IntoIterator<Item = &'a mut f32>) {
+            planes.into_iter().for_each(|value| *value = self.next());
+        }
+    }
+
+    /// Cells of all sorts: features from an edge to noise alone, and missing pixels in every third.
+    struct Row {
+        tiles: Vec<Tile<TILE_FEATURES>>,
+        predictions: Vec<Predictions>,
+        layers: Vec<[LayerTile; 1]>,
+        /// Which tile each lane has.
+        lanes: [usize; LANES],
+        next: usize,
+        models: Vec<u32>,
+    }
+
+    impl Row {
+        fn new(noise: &mut Noise) -> Self {
+            let count = LANES + 3;
+            let mut row = Self {
+                tiles: (0..count).map(|kind| tile(kind, noise)).collect(),
+                predictions: vec![Predictions::NONE; count],
+                layers: vec![[LayerTile::BLACK]; count],
+                lanes: [0; LANES],
+                next: 0,
+                models: vec![0; count],
+            };
+            for [layer] in &mut row.layers {
+                noise.fill(layer.colour.as_flattened_mut());
+            }
+            row
+        }
+    }
+
+    impl Cells<TILE_FEATURES> for Row {
+        fn next(&mut self, lane: usize) -> bool {
+            self.lanes[lane] = self.next;
+            self.next += 1;
+            self.lanes[lane] < self.tiles.len()
+        }
+
+        fn tile(&self, lane: usize) -> &Tile<TILE_FEATURES> {
+            self.tiles.get(self.lanes[lane]).unwrap_or(&self.tiles[0])
+        }
+
+        fn results(&mut self, lane: usize) -> (&mut Predictions, &mut [LayerTile]) {
+            let cell = self.lanes[lane].min(self.tiles.len() - 1);
+            (&mut self.predictions[cell], &mut self.layers[cell])
+        }
+
+        fn done(&mut self, lane: usize, models: u32) {
+            self.models[self.lanes[lane]] = models;
+        }
+    }
+
+    fn tile(kind: usize, noise: &mut Noise) -> Tile<TILE_FEATURES> {
+        let mut tile = Tile::EMPTY;
+        for (i, pixel) in tile.pixels.iter_mut().enumerate() {
+            let (x, y) = ((i % TILE) as f32, (i / TILE) as f32);
+            let edge = if 2.0 * x + y > 50.0 { 0.8 } else { 0.1 };
+            let roughness = 0.1 * (kind % 4) as f32;
+            pixel.features = std::array::from_fn(|_| edge + roughness * noise.next());
+            (pixel.features[0], pixel.features[1]) = (x, y);
+            tile.feature_variance[i][2..].fill(0.01 * roughness * roughness);
+            pixel.colour = std::array::from_fn(|c| pixel.features[c + 3] + 0.3 * noise.next());
+            pixel.weight = 1.0 + noise.next();
+            pixel.variance = 0.02 * noise.next();
+            pixel.tolerance = 0.05;
+            pixel.state = PixelState::Noisy;
+            if kind % 3 == 2 && noise.next() < 0.2 {
+                (pixel.colour, pixel.weight) = ([0.0; 3], 0.0);
+                pixel.state = PixelState::Bad;
+            }
+        }
+        tile
+    }
+
+    /// The shortest digits that tell floats apart, and the sign of 0: all that the core computes, with one.
+    fn results(instruction_set: InstructionSet) -> Vec<String> {
+        let mut noise = Noise(1);
+        let mut colours = Box::new(ColourBlock::BLACK);
+        noise.fill(colours.luminance.as_flattened_mut());
+        noise.fill(colours.variance.as_flattened_mut());
+        for good in colours.good.as_flattened_mut() {
+            *good = if noise.next() < 0.1 { 0.0 } else { 1.0 };
+        }
+        let mut prepared = Box::new(WeightBlock::EMPTY);
+        instruction_set.weigh_samples(&colours, &mut prepared);
+
+        let mut group = Box::new(FeatureGroup::<3>::ZERO);
+        noise.fill(group.value.as_flattened_mut().as_flattened_mut());
+        noise.fill(group.variance.as_flattened_mut().as_flattened_mut());
+        let mut filtered = Box::new(FilteredGroup::ZERO);
+        assert!(instruction_set.prefilter(&group, &mut filtered));
+
+        let mut noisy = Box::new(NoisyBlock::BLACK);
+        noise.fill(noisy.colour.as_flattened_mut().as_flattened_mut());
+        noise.fill(noisy.features.as_flattened_mut().as_flattened_mut());
+        let mut of_features = Box::new(NoiseBlock::NONE);
+        instruction_set.estimate_feature_noise(&noisy, &mut of_features);
+        let mut of_colour = Box::new(NoiseBlock::NONE);
+        instruction_set.estimate_colour_noise(&noisy, &mut of_colour);
+
+        let mut all = vec![
+            format!("{prepared:?}"),
+            format!("{filtered:?}"),
+            format!("{of_features:?} {of_colour:?}"),
+        ];
+        let mut scratch = Box::new(Scratch::new());
+        for params in [Params::default(), Params::literal()] {
+            let mut row = Row::new(&mut noise);
+            instruction_set.denoise_cells(&mut row, &params, &mut scratch);
+            assert!(row.models.iter().all(|models| *models > 0));
+            all.push(format!("{:?} {:?}", row.models, row.predictions));
+            all.push(format!("{:?}", row.layers));
+        }
+        all
+    }
+
+    #[test]
+    fn every_instruction_set_gives_the_same_bits() {
+        let expected = results(InstructionSet::Baseline);
+        for instruction_set in instruction_sets() {
+            for (i, (own, expected)) in results(instruction_set).iter().zip(&expected).enumerate() {
+                assert!(own == expected, "{instruction_set:?} in result {i}");
+            }
+        }
+    }
+}

@@ -1,0 +1,19 @@
+//! Rows to rows, through the few that are held: knows neither files nor channel names. [`pipeline`] is its heart.
+
+mod borders;
+mod held_rows;
+mod instruction_set;
+mod missing_variances;
+mod neighbourhood;
+pub mod overlap;
+pub(crate) mod pipeline;
+mod preparation;
+mod prepared_rows;
+pub mod push;
+pub(crate) mod report;
+mod resolved_row;
+mod row_of_cells;
+mod row_ring;
+mod sum_rows;
+pub mod survey;
+mod threads;

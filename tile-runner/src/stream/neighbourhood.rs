@@ -1,0 +1,192 @@
+//! What a row of cells reads: its rows of pixels, and its tiles.
+
+use std::ops::Range;
+
+use linpred_core::{
+    CELL, Formulas, HALO, LayerTile, POSITION, Pixel, PixelState, TILE, TILE_AREA, TILE_FEATURES,
+    Tile,
+};
+
+use crate::geometry::ImageSize;
+use crate::stream::held_rows::{ColourRow, HeldRows};
+use crate::stream::prepared_rows::{PreparedRow, PreparedRows};
+
+/// What a row of cells reads.
+pub(crate) struct Neighbourhood<'a> {
+    pub(crate) size: ImageSize,
+    pub(crate) held: &'a HeldRows,
+    /// From the halo above the cells to the middle row of pixels, and from there to the halo below (see [`prepared_from`]).
+    pub(crate) prepared: &'a [PreparedRows; 2],
+    pub(crate) row: usize,
+}
+
+/// The first row of the `piece`-th prepared rows. They are cut at the edges of halos, so that a row of cells with its halo lies in
+/// two pieces.
+pub(crate) fn prepared_from(piece: usize) -> isize {
+    (piece * CELL) as isize - PREPARED_ABOVE as isize
+}
+
+/// Rows of the first piece above the image.
+const PREPARED_ABOVE: usize = CELL - HALO;
+const _: () = assert!(HALO <= PREPARED_ABOVE && CELL + HALO <= 2 * CELL - PREPARED_ABOVE);
+
+impl Neighbourhood<'_> {
+    /// Row `y` of the image.
+    pub(crate) fn row(&self, y: usize) -> PixelRow<'_> {
+        let rows = &self.prepared[(y + PREPARED_ABOVE) / CELL - self.row];
+        PixelRow {
+            colours: self.held.colours(y as isize),
+            prepared: rows.row((y + PREPARED_ABOVE) % CELL),
+        }
+    }
+
+    /// Whether a cell is worked on, or skipped because no model is needed in it. The papers' formulas know of no such cells.
+    pub(crate) fn needs_models(&self, column: usize, formulas: Formulas) -> bool {
+        formulas == Formulas::Literal || !self.is_clean(column)
+    }
+
+    /// Whether every pixel of a cell passes through.
+    fn is_clean(&self, column: usize) -> bool {
+        let columns = column * CELL..self.size.width().min((column + 1) * CELL);
+        (self.row * CELL..self.size.height().min((self.row + 1) * CELL)).all(|y| {
+            let row = self.row(y);
+            let good = &row.colours.good[columns.clone()];
+            let variance = &row.prepared.variance[columns.clone()];
+            variance.iter().all(|v| *v == 0.0) && good.iter().all(|v| *v != 0.0)
+        })
+    }
+
+    pub(crate) fn load(&self, tile: &mut Tile<TILE_FEATURES>, column: usize) {
+        let from = (column * CELL).saturating_sub(HALO);
+        let columns = from..self.size.width().min((column + 1) * CELL + HALO);
+        // of the tile, where the image begins
+        let first = columns.start + HALO - column * CELL;
+        for ty in 0..TILE {
+            let row = ty * TILE..(ty + 1) * TILE;
+            let (pixels, variances) = (
+                &mut tile.pixels[row.clone()],
+                &mut tile.feature_variance[row],
+            );
+            let y = (self.row * CELL + ty).checked_sub(HALO);
+            let inside = match y.filter(|y| *y < self.size.height()) {
+                Some(y) => {
+                    let inside = first..first + columns.len();
+                    self.row(y).load(
+                        columns.clone(),
+                        &mut pixels[inside.clone()],
+                        &mut variances[inside.clone()],
+                    );
+                    inside
+                }
+                None => 0..0,
+            };
+            for outside in [0..inside.start, inside.end..TILE] {
+                pixels[outside.clone()].fill(Pixel::OUTSIDE);
+                variances[outside].fill([0.0; TILE_FEATURES]);
+            }
+            for (tx, pixel) in pixels.iter_mut().enumerate() {
+                pixel.features[0] = tx as f32;
+                pixel.features[1] = ty as f32;
+            }
+        }
+    }
+
+    pub(crate) fn load_layer(&self, tile: &mut LayerTile, layer: usize, column: usize) {
+        tile.colour = [[0.0; 3]; TILE_AREA];
+        for ty in 0..TILE {
+            let y = (self.row * CELL + ty)
+                .checked_sub(HALO)
+                .filter(|y| *y < self.size.height());
+            let Some(y) = y else { continue };
+            let planes = &self.held.colours(y as isize).layers[layer];
+            for tx in 0..TILE {
+                let x = (column * CELL + tx)
+                    .checked_sub(HALO)
+                    .filter(|x| *x < self.size.width());
+                if let Some(x) = x {
+                    tile.colour[ty * TILE + tx] = std::array::from_fn(|c| planes[c][x]);
+                }
+            }
+        }
+    }
+}
+
+/// A row of the image as cells read it.
+pub(crate) struct PixelRow<'a> {
+    pub(crate) colours: &'a ColourRow,
+    prepared: &'a PreparedRow,
+}
+
+impl PixelRow<'_> {
+    /// The pixel in column `x`, without its features.
+    pub(crate) fn pixel<const D: usize>(&self, x: usize) -> Pixel<D> {
+        let variance = self.prepared.variance[x];
+        Pixel {
+            features: [0.0; D],
+            colour: std::array::from_fn(|c| self.colours.colour[c][x]),
+            weight: self.prepared.weight[x],
+            variance,
+            tolerance: self.prepared.tolerance[x],
+            state: state(self.colours.good[x], variance),
+        }
+    }
+
+    /// The pixels of `columns` and the variances of their features, but for their positions.
+    fn load(
+        &self,
+        columns: Range<usize>,
+        pixels: &mut [Pixel<TILE_FEATURES>],
+        variances: &mut [[f32; TILE_FEATURES]],
+    ) {
+        let [r, g, b] = self.colours.colour.each_ref().map(|c| &c[columns.clone()]);
+        let good = &self.colours.good[columns.clone()];
+        let PreparedRow {
+            weight,
+            variance,
+            tolerance,
+            ..
+        } = self.prepared;
+        let [weight, variance, tolerance] =
+            [weight, variance, tolerance].map(|plane| &plane[columns.clone()]);
+        let colours = r.iter().zip(g).zip(b).zip(good);
+        let rest = weight.iter().zip(variance).zip(tolerance);
+        for (pixel, ((((r, g), b), good), ((weight, variance), tolerance))) in
+            pixels.iter_mut().zip(colours.zip(rest))
+        {
+            *pixel = Pixel {
+                features: [0.0; TILE_FEATURES],
+                colour: [*r, *g, *b],
+                weight: *weight,
+                variance: *variance,
+                tolerance: *tolerance,
+                state: state(*good, *variance),
+            };
+        }
+        variances.fill([0.0; TILE_FEATURES]);
+        let planes = self.prepared.features.iter();
+        let planes = planes.zip(&self.prepared.feature_variances);
+        for (k, (values, noise)) in planes.enumerate() {
+            // a feature that the image lacks stays 0
+            if let (Some(values), Some(noise)) =
+                (values.get(columns.clone()), noise.get(columns.clone()))
+            {
+                for (pixel, value) in pixels.iter_mut().zip(values) {
+                    pixel.features[POSITION + k] = *value;
+                }
+                for (variance, value) in variances.iter_mut().zip(noise) {
+                    variance[POSITION + k] = *value;
+                }
+            }
+        }
+    }
+}
+
+fn state(good: f32, variance: f32) -> PixelState {
+    if good == 0.0 {
+        PixelState::Bad
+    } else if variance == 0.0 {
+        PixelState::Clean
+    } else {
+        PixelState::Noisy
+    }
+}

@@ -1,0 +1,295 @@
+//! Weights and filtered features of the rows of cells, block by block.
+
+use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+use linpred_core::{
+    BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane, ColourBlock, FEATURES, Feature, FeatureGroup,
+    FilteredGroup, PREFILTER_HALO, WEIGHTS_HALO, WeightBlock,
+};
+use rayon::prelude::*;
+
+use crate::geometry::plane_bytes;
+use crate::row::RowLayout;
+use crate::stream::borders::copy_clamped;
+use crate::stream::held_rows::HeldRows;
+use crate::stream::instruction_set::InstructionSet;
+
+/// Rows of input around a row of blocks that it is made of.
+pub(crate) const BLOCK_HALO: usize = WEIGHTS_HALO;
+// A missing feature is filled from its neighbours, hence the 1.
+const _: () = assert!(
+    PREFILTER_HALO < BLOCK_HALO,
+    "the prefilter must not read beyond the rows that are held"
+);
+
+/// What the cells read of 19 rows beside their colour.
+pub(crate) struct PreparedRows {
+    width: usize,
+    /// Which features the image has.
+    present: PerFeature,
+    rows: Vec<PreparedRow>,
+}
+
+/// A row of them. A feature that the image lacks has empty planes.
+pub(crate) struct PreparedRow {
+    pub(crate) weight: Vec<f32>,
+    pub(crate) variance: Vec<f32>,
+    pub(crate) tolerance: Vec<f32>,
+    pub(crate) features: [Vec<f32>; FEATURES],
+    pub(crate) feature_variances: [Vec<f32>; FEATURES],
+}
+
+impl PreparedRow {
+    fn new(layout: &RowLayout) -> Self {
+        let width = layout.size.width();
+        let plane = || vec![0.0; width];
+        let feature = |k: usize| vec![0.0; if layout.features[k] { width } else { 0 }];
+        Self {
+            weight: plane(),
+            variance: plane(),
+            tolerance: plane(),
+            features: std::array::from_fn(feature),
+            feature_variances: std::array::from_fn(feature),
+        }
+    }
+}
+
+impl PreparedRows {
+    pub(crate) fn new(layout: &RowLayout) -> Self {
+        Self {
+            width: layout.size.width(),
+            present: Feature::ALL.map(|feature| layout.has(feature)),
+            rows: (0..BLOCK_HEIGHT)
+                .map(|_| PreparedRow::new(layout))
+                .collect(),
+        }
+    }
+
+    /// Bytes of 19 rows.
+    pub(crate) fn bytes(layout: &RowLayout) -> u64 {
+        let features = layout.features.iter().filter(|present| **present).count();
+        plane_bytes(layout.size, BLOCK_HEIGHT, 3 + 2 * features)
+    }
+
+    /// Row `row` of the 19.
+    pub(crate) fn row(&self, row: usize) -> &PreparedRow {
+        &self.rows[row]
+    }
+
+    /// Works out the rows from `first_row` on, of which some may lie above the image, each thread at a bench of its own, and
+    /// counts blocks of features.
+    pub(crate) fn fill(
+        &mut self,
+        held: &HeldRows,
+        first_row: isize,
+        instruction_set: InstructionSet,
+        benches: &mut [Box<BlockBench>],
+    ) -> Filled {
+        let (width, present) = (self.width, self.present);
+        // A block is stored row by row, so that threads wait for one another no longer than a row takes.
+        let rows: Vec<_> = self.rows.iter_mut().map(Mutex::new).collect();
+        let next = AtomicUsize::new(0);
+        let filled = benches.par_iter_mut().map(|bench| {
+            let mut filled = Filled::default();
+            loop {
+                let x = next.fetch_add(BLOCK_WIDTH, Ordering::Relaxed);
+                if x >= width {
+                    return filled;
+                }
+                let source = Source {
+                    held,
+                    width,
+                    x,
+                    y: first_row,
+                };
+                bench.work_out(&source, &present, instruction_set);
+                filled.count(&present, &bench.filtered);
+                for (row, target) in rows.iter().enumerate() {
+                    // A thread that panicked takes the run down with it; the rows are of no use then.
+                    let mut target = target.lock().unwrap_or_else(PoisonError::into_inner);
+                    bench.store(&source, row, &mut target);
+                }
+            }
+        });
+        filled.reduce(Filled::default, Filled::and)
+    }
+}
+
+/// Whether something holds, of each feature.
+type PerFeature = [bool; Feature::ALL.len()];
+
+/// What filling rows took, in blocks of features.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Filled {
+    pub(crate) feature_blocks: u64,
+    /// Blocks without noise in reach.
+    pub(crate) skipped: u64,
+}
+
+impl Filled {
+    fn count(&mut self, present: &PerFeature, filtered: &PerFeature) {
+        for (present, filtered) in present.iter().zip(filtered) {
+            self.feature_blocks += u64::from(*present);
+            self.skipped += u64::from(*present && !filtered);
+        }
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self {
+            feature_blocks: self.feature_blocks + other.feature_blocks,
+            skipped: self.skipped + other.skipped,
+        }
+    }
+}
+
+/// Where a thread works out blocks, one after the other.
+pub(crate) struct BlockBench {
+    colours: ColourBlock,
+    triple: FeatureGroup<3>,
+    single: FeatureGroup<1>,
+    prepared: WeightBlock,
+    results: [Filtered; Feature::ALL.len()],
+    /// Which features had noise; the others' results are not there.
+    filtered: PerFeature,
+}
+
+/// A feature in one channel or three.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is one for each feature: 14 KiB of a thread that a depth does not fill"
+)]
+enum Filtered {
+    One(FilteredGroup<1>),
+    Three(FilteredGroup<3>),
+}
+
+impl Filtered {
+    fn new(feature: Feature) -> Self {
+        match feature.channels() {
+            [_] => Self::One(FilteredGroup::ZERO),
+            _ => Self::Three(FilteredGroup::ZERO),
+        }
+    }
+
+    /// Values and variances of its channels.
+    fn planes(&self) -> (&[BlockPlane], &[BlockPlane]) {
+        match self {
+            Self::One(group) => (&group.value, &group.variance),
+            Self::Three(group) => (&group.value, &group.variance),
+        }
+    }
+}
+
+impl BlockBench {
+    pub(crate) fn new() -> Box<Self> {
+        Box::new(Self {
+            colours: ColourBlock::BLACK,
+            triple: FeatureGroup::ZERO,
+            single: FeatureGroup::ZERO,
+            prepared: WeightBlock::EMPTY,
+            results: Feature::ALL.map(Filtered::new),
+            filtered: [false; Feature::ALL.len()],
+        })
+    }
+
+    fn work_out(&mut self, source: &Source, present: &PerFeature, instruction_set: InstructionSet) {
+        source.load_colours(&mut self.colours);
+        instruction_set.weigh_samples(&self.colours, &mut self.prepared);
+        for (place, feature) in Feature::ALL.into_iter().enumerate() {
+            let channels = feature.range();
+            self.filtered[place] = present[place]
+                && source.is_noisy(&channels)
+                && match &mut self.results[place] {
+                    Filtered::One(result) => {
+                        source.load_features(&channels, &mut self.single);
+                        instruction_set.prefilter(&self.single, result)
+                    }
+                    Filtered::Three(result) => {
+                        source.load_features(&channels, &mut self.triple);
+                        instruction_set.prefilter(&self.triple, result)
+                    }
+                };
+        }
+    }
+
+    /// Stores row `row` of the block that was worked out.
+    fn store(&self, source: &Source, row: usize, target: &mut PreparedRow) {
+        let columns = source.x..source.width.min(source.x + BLOCK_WIDTH);
+        let store = |plane: &mut [f32], values: &BlockPlane| {
+            plane[columns.clone()].copy_from_slice(&values[row][..columns.len()]);
+        };
+        store(&mut target.weight, &self.prepared.weight);
+        store(&mut target.variance, &self.prepared.variance);
+        store(&mut target.tolerance, &self.prepared.tolerance);
+        let results = self.results.iter().zip(self.filtered);
+        for (feature, (result, filtered)) in Feature::ALL.into_iter().zip(results) {
+            let (values, variances) = result.planes();
+            for (k, (value, variance)) in feature.range().zip(values.iter().zip(variances)) {
+                let own = &mut target.features[k];
+                if filtered {
+                    store(own, value);
+                    store(&mut target.feature_variances[k], variance);
+                } else if !own.is_empty() {
+                    let y = source.y + row as isize;
+                    let own = &mut own[columns.clone()];
+                    source.held.copy_feature(k, source.x as isize, y, own);
+                    target.feature_variances[k][columns.clone()].fill(0.0);
+                }
+            }
+        }
+    }
+}
+
+/// Where a block comes from.
+struct Source<'a> {
+    held: &'a HeldRows,
+    /// Columns of the image.
+    width: usize,
+    /// The block's first column and row, which may lie above the image.
+    x: usize,
+    y: isize,
+}
+
+impl Source<'_> {
+    fn load_colours(&self, block: &mut ColourBlock) {
+        const WIDTH: usize = ColourBlock::WIDTH;
+        let first = self.x as isize - WEIGHTS_HALO as isize;
+        for row in 0..ColourBlock::HEIGHT {
+            let y = self.y + row as isize - WEIGHTS_HALO as isize;
+            let (colours, guides) = (self.held.colours(y), self.held.guides(y));
+            copy_clamped(&guides.luminance, first, &mut block.luminance[row][..WIDTH]);
+            copy_clamped(&guides.variance, first, &mut block.variance[row][..WIDTH]);
+            copy_clamped(&colours.good, first, &mut block.good[row][..WIDTH]);
+        }
+    }
+
+    /// Whether one of these channels may have a variance in the block or its halo.
+    fn is_noisy(&self, channels: &Range<usize>) -> bool {
+        let end = self.x + BLOCK_WIDTH + PREFILTER_HALO;
+        let columns = self.x.saturating_sub(PREFILTER_HALO)..end.min(self.width);
+        self.rows_of_features().any(|y| {
+            let row = self.held.guides(y);
+            channels.clone().any(|k| row.is_noisy(k, &columns))
+        })
+    }
+
+    fn rows_of_features(&self) -> Range<isize> {
+        let first = self.y - PREFILTER_HALO as isize;
+        first..first + FeatureGroup::<1>::HEIGHT as isize
+    }
+
+    fn load_features<const N: usize>(&self, channels: &Range<usize>, block: &mut FeatureGroup<N>) {
+        let first = self.x as isize - PREFILTER_HALO as isize;
+        for (row, y) in self.rows_of_features().enumerate() {
+            let source = self.held.guides(y);
+            for (c, k) in channels.clone().enumerate() {
+                let value = &mut block.value[c][row][..FeatureGroup::<N>::WIDTH];
+                self.held.copy_feature(k, first, y, value);
+                let variance = &mut block.variance[c][row][..FeatureGroup::<N>::WIDTH];
+                copy_clamped(&source.feature_variances[k], first, variance);
+            }
+        }
+    }
+}

@@ -1,0 +1,48 @@
+//! Rows of output, made of the sums of their predictions.
+
+use linpred_core::{Formulas, resolve, resolve_layer};
+
+use crate::row::{OutputRow, RowLayout};
+use crate::stream::neighbourhood::PixelRow;
+use crate::stream::report::Counts;
+use crate::stream::sum_rows::SumRow;
+
+/// Rows that each thread works out before they are written.
+pub(crate) const ROWS_PER_THREAD: usize = 4;
+
+/// A row of output, and what became of its pixels.
+pub(crate) struct ResolvedRow {
+    pub(crate) output: OutputRow,
+    pub(crate) counts: Counts,
+}
+
+impl ResolvedRow {
+    pub(crate) fn new(layout: &RowLayout) -> Self {
+        Self {
+            output: OutputRow::new(layout),
+            counts: Counts::default(),
+        }
+    }
+
+    /// The row that came as `row`.
+    pub(crate) fn fill(&mut self, row: &PixelRow, sums: &SumRow, formulas: Formulas) {
+        self.counts = Counts::default();
+        for (x, sum) in sums.colour.iter().enumerate() {
+            let pixel = row.pixel::<0>(x);
+            self.counts.add_pixel(pixel.state);
+            let denoised = resolve(&pixel, sum, formulas);
+            for (plane, value) in self.output.colour.iter_mut().zip(denoised.colour) {
+                plane[x] = value;
+            }
+            self.output.error[x] = denoised.error;
+            self.output.radius[x] = denoised.radius;
+            self.output.rank[x] = denoised.rank;
+            for (k, layer) in self.output.layers.iter_mut().enumerate() {
+                let (sums, own) = (sums.layers[k][x], &row.colours.layers[k]);
+                for (c, plane) in layer.iter_mut().enumerate() {
+                    plane[x] = resolve_layer(&pixel, sum, formulas, sums[c], own[c][x]);
+                }
+            }
+        }
+    }
+}

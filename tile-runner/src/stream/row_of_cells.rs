@@ -1,0 +1,176 @@
+//! A row of cells, shared by threads: tiles in, predictions out.
+
+use std::num::NonZeroUsize;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+use linpred_core::{
+    CELL, Cells, Formulas, LayerTile, Params, Predictions, Scratch, TILE_FEATURES, Tile,
+};
+use rayon::prelude::*;
+
+use crate::row::RowLayout;
+use crate::stream::instruction_set::{InstructionSet, LANES};
+use crate::stream::neighbourhood::Neighbourhood;
+use crate::stream::sum_rows::{Adding, SumRows};
+
+/// Where rows of cells are denoised, one after the other.
+pub(crate) struct CellBenches {
+    benches: Vec<Bench>,
+    /// Columns of cells.
+    columns: usize,
+}
+
+/// What a row of cells took.
+pub(crate) struct Predicted {
+    pub(crate) models: u64,
+    pub(crate) cells: u64,
+    /// Cells without noise.
+    pub(crate) skipped: u64,
+    /// Of all threads together, in the other cells.
+    pub(crate) time: Duration,
+}
+
+impl CellBenches {
+    /// A bench for each thread.
+    pub(crate) fn new(layout: &RowLayout, threads: NonZeroUsize) -> Self {
+        Self {
+            benches: (0..threads.get())
+                .map(|_| Bench::new(layout.layers))
+                .collect(),
+            columns: layout.size.width().div_ceil(CELL),
+        }
+    }
+
+    /// Bytes of the benches for `threads` threads.
+    pub(crate) fn bytes(layout: &RowLayout, threads: u64) -> u64 {
+        threads.saturating_mul(Bench::bytes(layout.layers) as u64)
+    }
+
+    /// Denoises a row of cells and adds their predictions to `sums`; counts what that took.
+    pub(crate) fn predict(
+        &mut self,
+        around: &Neighbourhood,
+        params: &Params,
+        instruction_set: InstructionSet,
+        sums: &mut SumRows,
+    ) -> Predicted {
+        let row = RowOfCells {
+            around,
+            formulas: params.formulas,
+            columns: self.columns,
+            next: AtomicUsize::new(0),
+            models: AtomicU64::new(0),
+            skipped: AtomicU64::new(0),
+            sums: sums.adding(),
+        };
+        let times = self.benches.par_iter_mut().map(|bench| {
+            let mut share = Share {
+                row: &row,
+                lanes: &mut bench.lanes,
+            };
+            let started = Instant::now();
+            instruction_set.denoise_cells(&mut share, params, &mut bench.scratch);
+            started.elapsed()
+        });
+        let time = times.sum();
+        Predicted {
+            models: row.models.into_inner(),
+            cells: self.columns as u64,
+            skipped: row.skipped.into_inner(),
+            time,
+        }
+    }
+}
+
+/// Cells that a thread works on side by side, and its working memory.
+struct Bench {
+    lanes: Vec<Lane>,
+    scratch: Box<Scratch<TILE_FEATURES, LANES>>,
+}
+
+/// A cell in work.
+struct Lane {
+    column: usize,
+    tile: Tile<TILE_FEATURES>,
+    predictions: Predictions,
+    layers: Vec<LayerTile>,
+}
+
+impl Bench {
+    fn new(layers: usize) -> Self {
+        let lane = || Lane {
+            column: 0,
+            tile: Tile::EMPTY,
+            predictions: Predictions::NONE,
+            layers: vec![LayerTile::BLACK; layers],
+        };
+        Self {
+            lanes: (0..LANES).map(|_| lane()).collect(),
+            scratch: Box::new(Scratch::new()),
+        }
+    }
+
+    fn bytes(layers: usize) -> usize {
+        let lane = size_of::<Lane>() + layers * size_of::<LayerTile>();
+        LANES * lane + size_of::<Scratch<TILE_FEATURES, LANES>>()
+    }
+}
+
+/// A row of cells while it is denoised.
+struct RowOfCells<'a> {
+    around: &'a Neighbourhood<'a>,
+    formulas: Formulas,
+    columns: usize,
+    /// The next column that no thread has taken.
+    next: AtomicUsize,
+    models: AtomicU64,
+    skipped: AtomicU64,
+    sums: Adding<'a>,
+}
+
+/// What a thread sees of it.
+struct Share<'a, 'b> {
+    row: &'a RowOfCells<'b>,
+    lanes: &'a mut [Lane],
+}
+
+impl Cells<TILE_FEATURES> for Share<'_, '_> {
+    fn next(&mut self, lane: usize) -> bool {
+        let column = loop {
+            let column = self.row.next.fetch_add(1, Ordering::Relaxed);
+            if column >= self.row.columns {
+                return false;
+            }
+            if self.row.around.needs_models(column, self.row.formulas) {
+                break column;
+            }
+            self.row.skipped.fetch_add(1, Ordering::Relaxed);
+        };
+        let lane = &mut self.lanes[lane];
+        lane.column = column;
+        self.row.around.load(&mut lane.tile, column);
+        for (layer, tile) in lane.layers.iter_mut().enumerate() {
+            self.row.around.load_layer(tile, layer, column);
+            tile.clear();
+        }
+        true
+    }
+
+    fn tile(&self, lane: usize) -> &Tile<TILE_FEATURES> {
+        &self.lanes[lane].tile
+    }
+
+    fn results(&mut self, lane: usize) -> (&mut Predictions, &mut [LayerTile]) {
+        let lane = &mut self.lanes[lane];
+        (&mut lane.predictions, &mut lane.layers)
+    }
+
+    fn done(&mut self, lane: usize, models: u32) {
+        let models = u64::from(models);
+        self.row.models.fetch_add(models, Ordering::Relaxed);
+        let lane = &self.lanes[lane];
+        let (predictions, layers) = (&lane.predictions, &lane.layers);
+        self.row.sums.add(lane.column, predictions, layers);
+    }
+}
