@@ -9,19 +9,13 @@ use serde_json::Value;
 
 /// The path of the command, built for the profile that the tests were built for.
 ///
-/// `cargo test` builds the binaries of a package only for that package's own integration tests, so it is asked here.
+/// `cargo test` builds the binaries of a package only for that package's own integration tests, so it is asked here: for the whole
+/// workspace, or crates would get other features than from `cargo test --workspace` and be built a second time.
 pub fn linpred_path() -> &'static Path {
     static PATH: OnceLock<PathBuf> = OnceLock::new();
     PATH.get_or_init(|| {
         let mut build = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-        build.args([
-            "build",
-            "--quiet",
-            "--package",
-            "linpred",
-            "--bin",
-            "linpred",
-        ]);
+        build.args(["build", "--quiet", "--workspace", "--bin", "linpred"]);
         if !cfg!(debug_assertions) {
             build.arg("--release");
         }
