@@ -7,7 +7,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use linpred_core::{Prior, Rls, Taken};
-use linpred_tests::oracle::{self, BatchFit, Row, forget, worst_condition};
+use linpred_tests::oracle::{self, BatchFit, forget, worst_condition};
 use linpred_tests::strategies::{Fit, Pixel};
 use linpred_tests::tolerance::{RECURSIVE_LEVERAGE, RECURSIVE_PREDICTION, close, searched};
 
@@ -82,11 +82,7 @@ fn compare<const T: usize>(fit: &Fit<T>, lambda: f32) {
         );
         assert!(rls.factors().1.iter().all(|&d| d > 0.0));
     }
-    let rows: Vec<Row> = fit
-        .pixels
-        .iter()
-        .map(|p| Row::from_f32(&p.z, &p.y, p.weight))
-        .collect();
+    let rows = fit.rows();
     let prior = oracle::Prior::from_f32(&fit.prior);
     let condition = worst_condition(&rows, &prior, f64::from(lambda));
     let (rows, prior) = forget(&rows, &prior, f64::from(lambda));
@@ -109,9 +105,7 @@ fn compare<const T: usize>(fit: &Fit<T>, lambda: f32) {
 }
 
 fn raw_bits<const T: usize>(data: &[u8]) {
-    let mut floats = data
-        .chunks_exact(4)
-        .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+    let mut floats = bytemuck::pod_collect_to_vec::<u8, f32>(data).into_iter();
     let mut next = || floats.next();
     let (Some(intercept), Some(gradients)) = (next(), next()) else {
         return;

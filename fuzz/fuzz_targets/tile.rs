@@ -27,9 +27,7 @@ fuzz_target!(|data: &[u8]| {
     let values: Vec<f32> = if choice & 1 == 0 {
         rest.iter().map(|&byte| from_palette(byte)).collect()
     } else {
-        rest.chunks_exact(4)
-            .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
-            .collect()
+        bytemuck::pod_collect_to_vec(rest)
     };
     if values.is_empty() {
         return;

@@ -29,7 +29,7 @@ def processor_seconds():
 def read(folder, name, width, height, copies):
     import numpy as np
 
-    image = np.fromfile(os.path.join(folder, name), dtype="<f4").reshape(height, width, 3)
+    image = np.fromfile(os.path.join(folder, name), dtype=np.float32).reshape(height, width, 3)
     more = ((0, height * (copies - 1)), (0, width * (copies - 1)), (0, 0))
     return np.ascontiguousarray(np.pad(image, more, mode="symmetric"))
 
@@ -47,7 +47,7 @@ def main(folder, width, height, copies, threads):
     denoised = denoise(color=colour, albedo=albedo, normal=normal, hdr=True, quality="high")
     cost = dict(cpu=processor_seconds() - cpu, wall=time.perf_counter() - wall, peak_mib=status("VmHWM:"), before_mib=before)
     if copies == 1:
-        denoised.astype("<f4").tofile(os.path.join(folder, "denoised"))
+        denoised.astype(np.float32).tofile(os.path.join(folder, "denoised"))
     print(json.dumps(dict(cost=cost)))
 
 

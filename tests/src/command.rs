@@ -5,21 +5,17 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
+use serde_json::Value;
+
 /// The path of the command, built for the profile that the tests were built for.
 ///
-/// `cargo test` builds the binaries of a package only for that package's own integration tests, so it is asked here.
+/// `cargo test` builds the binaries of a package only for that package's own integration tests, so it is asked here: for the whole
+/// workspace, or crates would get other features than from `cargo test --workspace` and be built a second time.
 pub fn linpred_path() -> &'static Path {
     static PATH: OnceLock<PathBuf> = OnceLock::new();
     PATH.get_or_init(|| {
         let mut build = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-        build.args([
-            "build",
-            "--quiet",
-            "--package",
-            "linpred",
-            "--bin",
-            "linpred",
-        ]);
+        build.args(["build", "--quiet", "--workspace", "--bin", "linpred"]);
         if !cfg!(debug_assertions) {
             build.arg("--release");
         }
@@ -47,7 +43,11 @@ pub fn linpred<A: AsRef<OsStr>>(arguments: impl IntoIterator<Item = A>) -> Ran {
 
 /// Denoises `in.exr` of `folder` to `output` beside it.
 pub fn denoise(folder: &Path, output: &str, options: &[&str]) -> Ran {
-    let (input, output) = (folder.join("in.exr"), folder.join(output));
+    denoise_file(&folder.join("in.exr"), &folder.join(output), options)
+}
+
+/// Denoises `input` to `output`.
+pub fn denoise_file(input: &Path, output: &Path, options: &[&str]) -> Ran {
     let files = [
         OsStr::new("denoise"),
         input.as_os_str(),
@@ -111,6 +111,14 @@ impl Ran {
             self.stderr()
         );
         self
+    }
+
+    /// What a run with `--log-format json` says once it is done.
+    #[track_caller]
+    pub fn report(&self) -> Value {
+        let log = self.stderr();
+        let line = log.lines().find(|line| line.contains("\"denoised\""));
+        serde_json::from_str(line.expect("a report")).expect("JSON")
     }
 
     /// The bytes that the plan of a `--dry-run` comes to; plans are printed to a tenth of a mebibyte.

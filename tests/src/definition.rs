@@ -34,7 +34,7 @@ pub struct Window {
     params: Params,
     /// Directions kept.
     pub rank: usize,
-    /// How far the singular value nearest to the threshold is from it, as a factor above 1.
+    /// The factor, above 1, between the threshold and the singular value nearest to it.
     pub clearance: f64,
     /// Whether a direction that the features do move along was dropped.
     pub truncated: bool,

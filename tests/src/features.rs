@@ -3,6 +3,8 @@
 use proptest::prelude::{Just, Strategy};
 use proptest::sample::select;
 
+use crate::windows::Random;
+
 /// A way to vary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Feature {
@@ -62,8 +64,9 @@ pub struct Place {
 }
 
 impl Feature {
-    /// The value at a pixel where the feature before it has the value `before`. `noise` lies in [-1, 1].
-    pub fn value(self, place: Place, before: f32, noise: f32) -> f32 {
+    /// The value at a pixel where the feature before it has the value `before`.
+    pub fn value(self, place: Place, before: f32, random: &mut Random) -> f32 {
+        let noise = (2.0 * random.uniform() - 1.0) as f32;
         match self {
             Self::Random => noise,
             Self::Horizontal => place.x,

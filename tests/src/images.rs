@@ -20,6 +20,18 @@ pub struct TestPart {
     pub attributes: Vec<(&'static str, AttributeValue)>,
 }
 
+impl TestPart {
+    /// The same part, stored like this.
+    pub fn stored(self, compression: Compression, blocks: Blocks) -> Self {
+        let encoding = Encoding {
+            compression,
+            blocks,
+            line_order: LineOrder::Increasing,
+        };
+        Self { encoding, ..self }
+    }
+}
+
 /// Compressions that keep every bit.
 pub const LOSSLESS: [Compression; 5] = [
     Compression::Uncompressed,

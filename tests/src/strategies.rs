@@ -1,6 +1,7 @@
 //! Windows that aim at trouble: what renderers, and rounding, put into features and radiance.
 
 use crate::features::{Feature, Place, within_one};
+use crate::oracle::{self, BatchFit, Row};
 use crate::windows::{RADIUS, Random, pixels_within, ring_order};
 use linpred_core::Prior;
 use proptest::prelude::{Strategy, any};
@@ -73,6 +74,19 @@ pub struct Fit<const T: usize> {
 }
 
 impl<const T: usize> Fit<T> {
+    /// The pixels as the oracle takes them.
+    pub fn rows(&self) -> Vec<Row> {
+        let pixels = self.pixels.iter();
+        pixels
+            .map(|p| Row::from_f32(&p.z, &p.y, p.weight))
+            .collect()
+    }
+
+    /// The oracle's solution.
+    pub fn batch(&self) -> BatchFit {
+        BatchFit::new(&self.rows(), &oracle::Prior::from_f32(&self.prior))
+    }
+
     /// The largest radiance of the window, the unit of prediction errors; 1e-37 if all is black.
     pub fn largest_radiance(&self) -> f64 {
         let all = self.pixels.iter().flat_map(|pixel| pixel.y);
@@ -177,13 +191,12 @@ fn regressors<const T: usize>(
         let odd_one = random.below(offsets.len());
         for (i, &(x, y)) in offsets.iter().enumerate() {
             let before = z[i][column];
-            let noise = (2.0 * random.uniform() - 1.0) as f32;
             let place = Place {
                 x: x as f32 / RADIUS as f32,
                 y: y as f32 / RADIUS as f32,
                 is_odd: i == odd_one,
             };
-            z[i][column + 1] = feature.value(place, before, noise);
+            z[i][column + 1] = feature.value(place, before, random);
         }
     }
     z

@@ -21,13 +21,13 @@ const FEATURE_PLANES: [usize; 7] = [6, 7, 8, 12, 13, 14, 18];
 
 /// 37 x 37 pixels of courtyard at 16 samples from (104, 88), path traced with Mitsuba 3.9.1; `make_tile.py` beside it
 /// says which plane is what.
-static PLANES: &[u8; 2 * 20 * SIDE * SIDE] = include_bytes!("../firmware/tile.f16");
+static PLANES: [[[u16; SIDE]; SIDE]; 20] =
+    bytemuck::must_cast(*include_bytes!("../firmware/tile.f16"));
 
 fn value(plane: usize, x: usize, y: usize) -> f32 {
-    let at = 2 * ((plane * SIDE + y) * SIDE + x);
-    match PLANES.get(at..at + 2) {
-        Some(&[low, high]) => f16::from_le_bytes([low, high]).to_f32(),
-        _ => 0.0,
+    match PLANES.get(plane).and_then(|rows| rows.get(y)?.get(x)) {
+        Some(&half) => f16::from_bits(u16::from_le(half)).to_f32(),
+        None => 0.0,
     }
 }
 

@@ -37,7 +37,7 @@ pub(crate) fn version() -> Option<String> {
 pub(crate) fn denoise(image: &Image, copies: usize, threads: NonZeroUsize) -> Result<Done> {
     let folder = tempfile::tempdir()?;
     for (name, planes) in [("colour", 0), ("normal", 1), ("albedo", 2)] {
-        let mut bytes = Vec::new();
+        let mut values = Vec::new();
         for row in &image.rows {
             let channels: [&[f32]; 3] = std::array::from_fn(|c| match planes {
                 0 => &row.colour[c][..],
@@ -45,12 +45,13 @@ pub(crate) fn denoise(image: &Image, copies: usize, threads: NonZeroUsize) -> Re
                 _ => &row.features[3 + c][..],
             });
             for x in 0..channels[0].len() {
-                for channel in channels {
-                    bytes.extend_from_slice(&channel[x].to_le_bytes());
-                }
+                values.extend(channels.map(|channel| channel[x]));
             }
         }
-        std::fs::write(folder.path().join(name), bytes)?;
+        std::fs::write(
+            folder.path().join(name),
+            bytemuck::cast_slice::<f32, u8>(&values),
+        )?;
     }
     let output = Command::new("python3")
         .arg(script())
@@ -81,9 +82,9 @@ pub(crate) fn denoise(image: &Image, copies: usize, threads: NonZeroUsize) -> Re
 fn read_colour(path: &Path) -> Result<Colour> {
     let bytes = std::fs::read(path)?;
     let mut colour = Colour::default();
-    let (values, _) = bytes.as_chunks::<4>();
-    for (i, value) in values.iter().enumerate() {
-        colour.planes[i % 3].push(f32::from_le_bytes(*value));
+    let values = bytemuck::pod_collect_to_vec::<u8, f32>(&bytes);
+    for (i, value) in values.into_iter().enumerate() {
+        colour.planes[i % 3].push(value);
     }
     Ok(colour)
 }

@@ -30,7 +30,7 @@ fn tiles(layers: usize) -> impl Strategy<Value = Job> {
             for (i, value) in layer.colour.as_flattened_mut().iter_mut().enumerate() {
                 *value = noise(seed.wrapping_add(k as u32), i);
             }
-            // What is here before is to be forgotten.
+            // What was here before must be forgotten.
             layer.sums[0] = [f32::NAN; 3];
             layer
         };

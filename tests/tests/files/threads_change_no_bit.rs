@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use linpred_tests::command::linpred;
+use linpred_tests::command::denoise_file;
 
 #[test]
 fn of_the_sample() {
@@ -10,9 +10,8 @@ fn of_the_sample() {
     let folder = tempfile::tempdir().unwrap();
     let by = |threads: &str| {
         let clean = folder.path().join(format!("{threads}.exr"));
-        let arguments = [noisy.as_os_str(), "-o".as_ref(), clean.as_os_str()];
-        let options = ["--threads", threads, "--error-layer", "--models-layer"].map(str::as_ref);
-        linpred([&["denoise".as_ref()][..], &arguments, &options].concat()).succeeds();
+        let options = ["--threads", threads, "--error-layer", "--models-layer"];
+        denoise_file(&noisy, &clean, &options).succeeds();
         std::fs::read(clean).unwrap()
     };
     let one = by("1");

@@ -29,7 +29,7 @@ fn compare(a: Vec<NamedSamples>, f: Vec<NamedSamples>, options: &[&str]) -> serd
     serde_json::from_str(&linpred(arguments).succeeds().stdout()).unwrap()
 }
 
-/// The definition, in the order in which the issue of accuracy states it.
+/// rMSE, MSE and PSNR, from their definitions.
 fn expected(
     a: impl Fn(u32, usize) -> f64,
     f: impl Fn(u32, usize) -> f64,

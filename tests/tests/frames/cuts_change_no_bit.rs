@@ -21,7 +21,7 @@ proptest! {
     }
 }
 
-/// Two frames of the same scene, one begins `shift` columns and rows of cells later.
+/// Two frames of the same scene, the second of which begins `shift` columns and rows of cells later.
 fn moved(size: (usize, usize), shift: (usize, usize), variances: bool) {
     let scene = Scene {
         variances,

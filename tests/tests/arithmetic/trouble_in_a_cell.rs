@@ -1,4 +1,4 @@
-//! Features that determine nothing, and pixels that hardly do, take nothing away from what is there.
+//! Features that say nothing, and pixels that say hardly anything, take nothing away from what is there.
 
 use linpred_core::{CELL, HALO, Params, PixelState, Quality, TILE, TILE_AREA};
 use linpred_tests::cells::{Tile, denoise};
@@ -67,8 +67,7 @@ impl Case {
             };
             for (k, feature) in self.features.iter().enumerate() {
                 let before = pixel.features[k + 1];
-                let noise = (2.0 * random.uniform() - 1.0) as f32;
-                pixel.features[k + 2] = feature.value(place, before, noise);
+                pixel.features[k + 2] = feature.value(place, before, &mut random);
             }
             let square = self.radiance * self.radiance;
             pixel.colour = [1.0, 0.5, 0.0].map(|tint| tint * self.radiance);

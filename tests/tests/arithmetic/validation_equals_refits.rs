@@ -1,22 +1,15 @@
 //! Iterative validation from one recursion is what refitting from scratch gives (LPR Eq. 5 and 7).
 
 use linpred_core::{Rls, Taken};
-use linpred_tests::oracle::{BatchFit, Prior, Row};
+use linpred_tests::oracle::{BatchFit, Prior};
 use linpred_tests::strategies::{Fit, fits};
 use linpred_tests::tolerance::{RECURSIVE_LEVERAGE, RECURSIVE_PREDICTION, RING_ERROR, close};
 use linpred_tests::windows::pixels_within;
 use proptest::prelude::{TestCaseError, prop_assert, proptest};
 
-fn rows<const T: usize>(fit: &Fit<T>) -> Vec<Row> {
-    let pixels = fit.pixels.iter();
-    pixels
-        .map(|p| Row::from_f32(&p.z, &p.y, p.weight))
-        .collect()
-}
-
 /// Each ring, predicted by the recursion before its pixels enter, against a model fitted anew to the pixels inside.
 fn rings<const T: usize>(fit: &Fit<T>) -> Result<(), TestCaseError> {
-    let rows = rows(fit);
+    let rows = fit.rows();
     let prior = Prior::from_f32(&fit.prior);
     let mut rls = Rls::new(&fit.prior);
     let mut inside = 0;
@@ -54,7 +47,7 @@ fn worst_case<const T: usize>(fit: &Fit<T>, refit: &BatchFit, ring: std::ops::Ra
 
 /// The closed form of leave-one-out over nine pixels against nine refits without the pixel.
 fn leave_one_out<const T: usize>(fit: &Fit<T>) -> Result<(), TestCaseError> {
-    let rows = &rows(fit)[..fit.pixels.len().min(9)];
+    let rows = &fit.rows()[..fit.pixels.len().min(9)];
     let prior = Prior::from_f32(&fit.prior);
     let mut rls = Rls::new(&fit.prior);
     for pixel in &fit.pixels[..rows.len()] {

@@ -485,7 +485,7 @@ fn a_channel_may_say_how_many_samples_each_pixel_took() {
     );
 }
 
-/// Once the component `Z` of the first layer that had one was the depth: with a part per layer that was the depth's variance.
+/// `Z` of the first layer that has one was once taken for the depth: with a part per layer that was the depth's variance.
 #[test]
 fn a_depth_beside_the_colour_of_a_part_is_not_its_variance() {
     let names = [

@@ -26,14 +26,6 @@ fn stitch(folder: &Path, bands: &[&str]) -> Ran {
 
 /// The same image in parts and tiles, in parts and scanlines, and in one part.
 fn images() -> Vec<Vec<TestPart>> {
-    let encoded = |part: TestPart, compression, blocks| TestPart {
-        encoding: Encoding {
-            compression,
-            blocks,
-            line_order: LineOrder::Increasing,
-        },
-        ..part
-    };
     let named = |name, part| TestPart {
         name: Some(name),
         ..part
@@ -53,24 +45,13 @@ fn images() -> Vec<Vec<TestPart>> {
         )
     };
     vec![
-        vec![encoded(
-            part(everything(PIXELS)),
-            Compression::ZIP16,
-            Blocks::ScanLines,
-        )],
-        vec![encoded(
-            part(everything(PIXELS)),
-            Compression::PIZ,
-            Blocks::Tiles(Vec2(32, 24)),
-        )],
+        vec![part(everything(PIXELS))],
+        vec![part(everything(PIXELS)).stored(Compression::PIZ, Blocks::Tiles(Vec2(32, 24)))],
         vec![
-            named(
-                "VL.Combined",
-                encoded(colours(), Compression::ZIP16, Blocks::ScanLines),
-            ),
+            named("VL.Combined", colours()),
             named(
                 "VL.Normal",
-                encoded(normals(), Compression::ZIP1, Blocks::Tiles(Vec2(20, 12))),
+                normals().stored(Compression::ZIP1, Blocks::Tiles(Vec2(20, 12))),
             ),
         ],
     ]

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use exr::prelude::f16;
 use linpred::exr_file::attributes::{Attributes, FLAG_MULTI_PART, RawHeader};
-use linpred_tests::command::linpred;
+use linpred_tests::command::{denoise, linpred};
 use linpred_tests::images::noise;
 
 const WIDTH: usize = 5;
@@ -60,7 +60,7 @@ fn flat_chunk(part: i32, y: usize) -> Vec<u8> {
     [ints(&[part, y as i32, payload.len() as i32]), payload].concat()
 }
 
-/// A row of depths, of which pixel x has x + y.
+/// A row of depths; pixel x has x + y of them.
 fn deep_chunk(part: i32, y: usize) -> Vec<u8> {
     let mut counted = 0;
     let table: Vec<i32> = (0..WIDTH)
@@ -124,10 +124,7 @@ fn a_deep_part_comes_out_byte_for_byte_wherever_it_stands() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     let run = |output: &str, options: &[&str]| {
-        let mut arguments = vec!["denoise".into(), path("in.exr").into_os_string()];
-        arguments.extend(["-o".into(), path(output).into_os_string()]);
-        arguments.extend(options.iter().map(Into::into));
-        linpred(arguments).succeeds();
+        denoise(folder.path(), output, options).succeeds();
     };
     for deep in [0, 1] {
         fs::write(path("in.exr"), file(deep)).unwrap();
@@ -152,7 +149,7 @@ fn a_deep_part_cut_short_is_an_error_that_names_it() {
     let (input, output) = (folder.path().join("in.exr"), folder.path().join("out.exr"));
     let bytes = file(1);
     fs::write(&input, &bytes[..bytes.len() - 3]).unwrap();
-    linpred([Path::new("denoise"), &input, Path::new("-o"), &output])
+    denoise(folder.path(), "out.exr", &[])
         .exits_with(3)
         .complains_about(&["in.exr", "\"deep\"", "row"]);
     assert!(!output.exists() && !folder.path().join("out.exr.part").exists());

@@ -4,34 +4,23 @@ use std::fs;
 use std::path::Path;
 
 use exr::prelude::*;
-use linpred_tests::command::{denoise, linpred};
+use linpred_tests::command::denoise;
 use linpred_tests::images::{TestPart, everything, part, write};
 
-/// What `--dry-run` plans, bytes.
+/// Bytes that `--dry-run` plans.
 fn planned(folder: &Path, options: &[&str]) -> u64 {
-    let input = folder.join("in.exr");
-    let mut arguments = vec![
-        "denoise",
-        input.to_str().unwrap(),
-        "-o",
-        "unused.exr",
-        "--dry-run",
-    ];
-    arguments.extend(options);
-    linpred(arguments).succeeds().planned_bytes()
+    let options = [options, &["--dry-run"]].concat();
+    denoise(folder, "unused.exr", &options)
+        .succeeds()
+        .planned_bytes()
 }
 
-/// Denoises; gives the most memory that was in use, bytes, where the system tells.
+/// Denoises, and returns the most bytes that were in use, where the system tells.
 fn peak(folder: &Path, output: &str, options: &[&str]) -> Option<u64> {
     let json = ["--quality", "fast", "--log-format", "json"];
-    let log = denoise(folder, output, &[&json[..], options].concat())
+    let json = denoise(folder, output, &[&json[..], options].concat())
         .succeeds()
-        .stderr();
-    let line = log
-        .lines()
-        .find(|line| line.contains("\"denoised\""))
-        .unwrap();
-    let json: serde_json::Value = serde_json::from_str(line).unwrap();
+        .report();
     let peak = json["peak_bytes"].as_u64();
     assert_eq!(
         peak.is_some(),
@@ -42,14 +31,7 @@ fn peak(folder: &Path, output: &str, options: &[&str]) -> Option<u64> {
 }
 
 fn image(size: (usize, usize), compression: Compression, blocks: Blocks) -> TestPart {
-    TestPart {
-        encoding: Encoding {
-            compression,
-            blocks,
-            line_order: LineOrder::Increasing,
-        },
-        ..part(everything(size.0 * size.1))
-    }
+    part(everything(size.0 * size.1)).stored(compression, blocks)
 }
 
 #[test]

@@ -8,11 +8,11 @@ use linpred_tests::command::linpred;
 #[cfg(target_os = "linux")]
 use linpred_tests::command::linpred_within;
 
-/// What a file may have of memory, whatever it claims to hold.
+/// Memory that a file may take, whatever it claims to hold.
 #[cfg(target_os = "linux")]
 const MEMORY: u64 = 512 << 20;
 
-/// The corpus lies beside the repository, where it is there at all; it is not ours to copy.
+/// The corpus, if there is one, lies beside the repository: it is not ours to copy.
 const CORPUS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/exr-corpus");
 
 #[test]
@@ -53,7 +53,7 @@ fn every_file_of_the_corpus_ends_in_a_picture_or_in_a_sentence() {
             }
             #[cfg(target_os = "linux")]
             {
-                // What ends alike with no more address space than that had no more memory in use without the limit either.
+                // A run that ends alike within this address space took no more memory without the limit.
                 let bytes = std::fs::read(&output).ok();
                 let _ = std::fs::remove_file(&output);
                 let bounded = linpred_within(MEMORY >> 10, arguments);

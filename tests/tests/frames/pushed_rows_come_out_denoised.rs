@@ -106,7 +106,7 @@ fn an_image_that_is_not_pushed_to_the_end_ends_in_an_error() {
 }
 
 #[test]
-fn who_pushes_is_told_that_nobody_pulls() {
+fn a_pusher_is_told_that_nobody_pulls() {
     let (mut push, denoised) = push::start(layout(47, 90), options()).unwrap();
     drop(denoised);
     assert!(matches!(push_to(&mut push, 90), Err(Error::Cancelled)));

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use linpred_tests::command::{Ran, linpred};
+use linpred_tests::command::{Ran, denoise_file};
 use linpred_tests::images::{colour, everything, half, part, write};
 
 const SIZE: (usize, usize) = (8, 8);
@@ -19,15 +19,7 @@ fn frames(folder: &Path, numbers: &[u32]) {
 }
 
 fn denoise(folder: &Path, input: &str, output: &str, options: &[&str]) -> Ran {
-    let (input, output) = (folder.join(input), folder.join(output));
-    let mut arguments = vec![
-        "denoise",
-        input.to_str().unwrap(),
-        "-o",
-        output.to_str().unwrap(),
-    ];
-    arguments.extend(options);
-    linpred(arguments)
+    denoise_file(&folder.join(input), &folder.join(output), options)
 }
 
 fn written(folder: &Path) -> Vec<String> {

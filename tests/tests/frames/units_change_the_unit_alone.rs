@@ -1,4 +1,4 @@
-//! What an image is measured in, and in which order its channels come, changes nothing but the same of the output.
+//! The unit of an image and the order of its channels change those of the output, and nothing else.
 
 use linpred::InputRow;
 use linpred_core::{Params, Quality};

@@ -1,4 +1,4 @@
-//! How a file stores its pixels, and how a run goes about them, is nothing that a pixel can tell.
+//! No pixel depends on how a file stores it, or on how a run goes about it.
 //!
 //! The same pixels in any lossless compression, scanlines or tiles of any size, in one part or several, denoised on any number of threads, in
 //! any number of bands, within any memory that suffices: the same bits as from one part of scanlines at once.
@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use exr::prelude::{Blocks, Encoding, LineOrder, Vec2};
-use linpred_tests::command::{Ran, linpred};
+use linpred_tests::command::{self, Ran, linpred};
 use linpred_tests::images::{
     LOSSLESS, NamedSamples, TestPart, bits, channel_names, half, part, read, write,
 };
@@ -121,16 +121,9 @@ fn seed(name: &str) -> u32 {
 }
 
 fn denoise(folder: &Path, output: &str, options: &[String]) -> Ran {
-    let (input, output) = (folder.join("in.exr"), folder.join(output));
-    let mut arguments = vec![
-        "denoise".into(),
-        input.into_os_string(),
-        "-o".into(),
-        output.into(),
-    ];
-    arguments.extend(["--preset=blender", "--quality=fast", "--error-layer"].map(Into::into));
-    arguments.extend(options.iter().map(Into::into));
-    linpred(arguments).succeeds()
+    let mut all = vec!["--preset=blender", "--quality=fast", "--error-layer"];
+    all.extend(options.iter().map(String::as_str));
+    command::denoise(folder, output, &all).succeeds()
 }
 
 /// Bytes of memory between what a run with these options can use and what it can do with.

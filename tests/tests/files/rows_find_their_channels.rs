@@ -8,7 +8,7 @@ use exr::prelude::*;
 use linpred::image::{ExrSink, ExtraLayers};
 use linpred::job::{Input, InputRequest};
 use linpred::{InputRow, OutputRow, RowSink, RowSource, VarianceKind};
-use linpred_tests::command::linpred;
+use linpred_tests::command::denoise_file;
 use linpred_tests::images::{
     NamedSamples, TestPart, channel_names, colour, constant, everything, half, noise, part, read,
     write,
@@ -244,20 +244,7 @@ fn layers_that_do_not_sum_to_the_colour_are_reported() {
         }
         vec![part(channels)]
     };
-    let denoise = || {
-        let arguments = [
-            "denoise".as_ref(),
-            path.as_os_str(),
-            "-o".as_ref(),
-            output.as_os_str(),
-        ];
-        linpred(
-            arguments
-                .into_iter()
-                .chain(["--layers".as_ref(), "diffuse,spec*".as_ref()]),
-        )
-        .succeeds()
-    };
+    let denoise = || denoise_file(&path, &output, &["--layers", "diffuse,spec*"]).succeeds();
     write(&path, SIZE, image(0.0));
     assert!(!denoise().stderr().contains("do not sum"));
     write(&path, SIZE, image(0.125));

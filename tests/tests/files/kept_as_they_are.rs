@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use exr::prelude::*;
-use linpred_tests::command::linpred;
+use linpred_tests::command;
 use linpred_tests::images::{
     LOSSLESS, TestPart, bits, channel_names, colour, constant, everything, half, part, read, write,
 };
@@ -19,26 +19,9 @@ fn layouts() -> [Blocks; 3] {
     ]
 }
 
-fn encoded(compression: Compression, blocks: Blocks, mut part: TestPart) -> TestPart {
-    part.encoding = Encoding {
-        compression,
-        blocks,
-        line_order: LineOrder::Increasing,
-    };
-    part
-}
-
 fn denoise(folder: &Path, options: &[&str]) -> FlatImage {
-    let (input, output) = (folder.join("in.exr"), folder.join("out.exr"));
-    let mut arguments = vec![
-        "denoise",
-        input.to_str().unwrap(),
-        "-o",
-        output.to_str().unwrap(),
-    ];
-    arguments.extend(options);
-    linpred(arguments).succeeds();
-    read(&output)
+    command::denoise(folder, "out.exr", options).succeeds();
+    read(&folder.join("out.exr"))
 }
 
 #[track_caller]
@@ -74,7 +57,7 @@ fn every_lossless_compression_and_layout_keeps_all_bits_and_its_encoding() {
             write(
                 &folder.path().join("in.exr"),
                 SIZE,
-                vec![encoded(compression, blocks, noisy)],
+                vec![noisy.stored(compression, blocks)],
             );
             let input = read(&folder.path().join("in.exr"));
             let output = denoise(folder.path(), &[]);
@@ -95,21 +78,9 @@ fn every_part_of_a_multi_part_file_is_kept_wherever_the_colour_is() {
         let normals = ["X", "Y", "Z"].map(|c| half(&format!("VL.Normal.{c}"), PIXELS, 9));
         let colours = ["R", "G", "B", "A"].map(|c| half(&format!("VL.Combined.{c}"), PIXELS, 5));
         let parts = vec![
-            encoded(
-                Compression::ZIP16,
-                Blocks::ScanLines,
-                named("VL.Depth", vec![constant("VL.Depth.Z", PIXELS, 1e10)]),
-            ),
-            encoded(
-                Compression::PIZ,
-                blocks,
-                named("VL.Combined", colours.to_vec()),
-            ),
-            encoded(
-                Compression::RLE,
-                blocks,
-                named("VL.Normal", normals.to_vec()),
-            ),
+            named("VL.Depth", vec![constant("VL.Depth.Z", PIXELS, 1e10)]),
+            named("VL.Combined", colours.to_vec()).stored(Compression::PIZ, blocks),
+            named("VL.Normal", normals.to_vec()).stored(Compression::RLE, blocks),
         ];
         write(&folder.path().join("in.exr"), SIZE, parts);
         let input = read(&folder.path().join("in.exr"));
@@ -135,7 +106,7 @@ fn lossy_compressions_do_not_touch_kept_channels_a_second_time() {
         Compression::DWAA(None),
         Compression::DWAB(None),
     ] {
-        let noisy = encoded(compression, Blocks::ScanLines, part(everything(PIXELS)));
+        let noisy = part(everything(PIXELS)).stored(compression, Blocks::ScanLines);
         write(&folder.path().join("in.exr"), SIZE, vec![noisy]);
         let input = read(&folder.path().join("in.exr"));
         let output = denoise(folder.path(), &[]);
@@ -146,11 +117,7 @@ fn lossy_compressions_do_not_touch_kept_channels_a_second_time() {
 #[test]
 fn a_lossy_colour_part_stays_lossy_unless_layers_are_added_to_it() {
     let folder = tempfile::tempdir().unwrap();
-    let noisy = encoded(
-        Compression::DWAA(None),
-        Blocks::ScanLines,
-        part(colour(PIXELS)),
-    );
+    let noisy = part(colour(PIXELS)).stored(Compression::DWAA(None), Blocks::ScanLines);
     write(&folder.path().join("in.exr"), SIZE, vec![noisy]);
     let plain = denoise(folder.path(), &[]);
     assert!(matches!(
@@ -184,7 +151,7 @@ fn added_layers_leave_the_rest_as_it_is_even_where_they_change_the_blocks() {
         Compression::PXR24,
     ] {
         for blocks in layouts() {
-            let noisy = encoded(compression, blocks, part(everything(PIXELS)));
+            let noisy = part(everything(PIXELS)).stored(compression, blocks);
             write(&folder.path().join("in.exr"), SIZE, vec![noisy]);
             let input = read(&folder.path().join("in.exr"));
             let output = denoise(folder.path(), &["--error-layer", "--models-layer"]);

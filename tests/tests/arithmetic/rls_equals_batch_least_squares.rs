@@ -9,13 +9,6 @@ use linpred_tests::tolerance::{
 use linpred_tests::windows::{Random, Window, pixels_within};
 use proptest::prelude::{TestCaseError, prop_assert, proptest};
 
-fn rows<const T: usize>(fit: &Fit<T>) -> Vec<Row> {
-    let pixels = fit.pixels.iter();
-    pixels
-        .map(|p| Row::from_f32(&p.z, &p.y, p.weight))
-        .collect()
-}
-
 fn recursive<const T: usize>(fit: &Fit<T>, lambda: f32) -> Rls<T> {
     let mut rls = Rls::new(&fit.prior);
     for p in &fit.pixels {
@@ -101,14 +94,13 @@ macro_rules! with_terms {
             proptest! {
                 #[test]
                 fn any_order_weights_and_missing_pixels(fit in fits::<$terms>()) {
-                    let batch = BatchFit::new(&rows(&fit), &Prior::from_f32(&fit.prior));
-                    agree(&recursive(&fit, 1.0), &batch, &fit)?;
+                    agree(&recursive(&fit, 1.0), &fit.batch(), &fit)?;
                 }
 
                 #[test]
                 fn forgetting((fit, lambda) in fits_with_forgetting::<$terms>()) {
                     let prior = Prior::from_f32(&fit.prior);
-                    let (aged, prior) = forget(&rows(&fit), &prior, f64::from(lambda));
+                    let (aged, prior) = forget(&fit.rows(), &prior, f64::from(lambda));
                     agree(&recursive(&fit, lambda), &BatchFit::new(&aged, &prior), &fit)?;
                 }
             }

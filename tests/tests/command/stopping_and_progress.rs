@@ -4,20 +4,16 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use linpred_tests::command::{linpred, linpred_path};
+use linpred_tests::command::{self, Ran, linpred_path};
 use linpred_tests::images::{colour, everything, part, write};
 
-fn denoise(folder: &Path, size: (usize, usize), options: &[&str]) -> linpred_tests::command::Ran {
-    let (input, output) = (folder.join("in.exr"), folder.join("out.exr"));
-    write(&input, size, vec![part(colour(size.0 * size.1))]);
-    let mut arguments = vec![
-        "denoise",
-        input.to_str().unwrap(),
-        "-o",
-        output.to_str().unwrap(),
-    ];
-    arguments.extend(options);
-    linpred(arguments).succeeds()
+fn denoise(folder: &Path, size: (usize, usize), options: &[&str]) -> Ran {
+    write(
+        &folder.join("in.exr"),
+        size,
+        vec![part(colour(size.0 * size.1))],
+    );
+    command::denoise(folder, "out.exr", options).succeeds()
 }
 
 #[test]
@@ -45,8 +41,7 @@ fn the_report_counts_what_was_done() {
     let folder = tempfile::tempdir().unwrap();
     denoise(folder.path(), (20, 40), &[]).complains_about(&["out.exr: 800 pixels", "repaired"]);
     let json = denoise(folder.path(), (20, 40), &["--log-format", "json"]);
-    let report: serde_json::Value =
-        serde_json::from_str(json.stderr().lines().last().unwrap()).unwrap();
+    let report = json.report();
     assert_eq!(
         (&report["message"], &report["pixels"]),
         (&"denoised".into(), &800.into())

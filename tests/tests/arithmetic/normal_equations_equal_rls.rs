@@ -1,7 +1,7 @@
 //! Sums and one factorisation per ring give the model that the recursion gives, and the batch solution.
 
 use linpred_core::{Gram, NormalEquations, NotFinite, Prior, Rls, Solution, Taken};
-use linpred_tests::oracle::{self, BatchFit, Row};
+use linpred_tests::oracle::BatchFit;
 use linpred_tests::strategies::{Fit, fits};
 use linpred_tests::tolerance::{
     NORMAL_COEFFICIENTS, NORMAL_LEVERAGE, NORMAL_PREDICTION, RECURSIVE_PREDICTION,
@@ -16,17 +16,6 @@ fn sums<const T: usize>(fit: &Fit<T>) -> NormalEquations<T> {
         sums.add(&p.z, &p.y, p.weight);
     }
     sums
-}
-
-fn batch<const T: usize>(fit: &Fit<T>) -> BatchFit {
-    let rows = fit
-        .pixels
-        .iter()
-        .map(|p| Row::from_f32(&p.z, &p.y, p.weight));
-    BatchFit::new(
-        &rows.collect::<Vec<_>>(),
-        &oracle::Prior::from_f32(&fit.prior),
-    )
 }
 
 fn equals_recursion<const T: usize>(fit: &Fit<T>) -> Result<(), TestCaseError> {
@@ -51,7 +40,7 @@ fn equals_recursion<const T: usize>(fit: &Fit<T>) -> Result<(), TestCaseError> {
 
 fn equals_batch<const T: usize>(fit: &Fit<T>) -> Result<(), TestCaseError> {
     let solution = sums(fit).solve(&fit.prior).expect("finite pixels");
-    let exact = batch(fit);
+    let exact = fit.batch();
     let unit = fit.largest_radiance();
     prop_assert!(solution.terms() == T, "{} of {T} terms", solution.terms());
     for p in &fit.pixels {
@@ -95,7 +84,7 @@ fn coefficients_agree<const T: usize>(
 fn sums_need_no_second_pass<const T: usize>(fit: &Fit<T>) -> Result<(), TestCaseError> {
     let sums = sums(fit);
     let solution = sums.solve(&fit.prior).expect("finite pixels");
-    let exact = batch(fit);
+    let exact = fit.batch();
     let mut weighted = Gram::new();
     let (mut freedom, mut penalty) = (0.0, 0.0);
     let (mut residual, mut unit) = ([0.0; 3], [0.0; 3]);

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use exr::image::write::WritableImage;
-use linpred_tests::command::linpred;
+use linpred_tests::command::{denoise_file, linpred};
 use linpred_tests::images::read;
 use linpred_tests::tolerance::close;
 
@@ -24,10 +24,7 @@ fn rmse(image: &Path) -> f64 {
 fn gain(noisy: &Path, options: &[&str]) -> f64 {
     let folder = tempfile::tempdir().unwrap();
     let clean = folder.path().join("clean.exr");
-    let mut arguments = vec!["denoise", noisy.to_str().unwrap(), "-o"];
-    arguments.push(clean.to_str().unwrap());
-    arguments.extend(options);
-    linpred(arguments).succeeds();
+    denoise_file(noisy, &clean, options).succeeds();
     rmse(noisy) / rmse(&clean)
 }
 

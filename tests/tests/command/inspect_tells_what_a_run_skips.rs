@@ -11,7 +11,7 @@ use linpred_tests::images::{NamedSamples, constant, everything, part, write};
 use proptest::prelude::{ProptestConfig, Strategy, any, prop_assert, prop_assert_eq, proptest};
 use serde_json::Value;
 
-/// A scene of which some is calm and some pixels are no numbers.
+/// A scene with a calm part and some pixels that are not numbers.
 fn frames() -> impl Strategy<Value = Frame> {
     let span = || (0.0..1.0f64, 0.0..1.0f64);
     let bad = proptest::collection::vec((any::<u16>(), any::<u16>(), 0..4usize), 0..4);
@@ -87,7 +87,7 @@ proptest! {
 }
 
 #[test]
-fn what_is_said_of_a_scene_by_hand() {
+fn a_scene_counted_by_hand() {
     let mut frame = Scene::new(60, 50).render();
     frame.calm(0..38, 0..50);
     for row in &mut frame.rows {
@@ -132,10 +132,8 @@ fn inspected(folder: &Path, options: &[&str]) -> Value {
 fn assert_counts_agree(folder: &Path, options: &[&str]) -> Value {
     let said = inspected(folder, options);
     let log = ["--quality", "fast", "--log-format", "json"];
-    let log = denoise(folder, "out.exr", &[&log, options].concat()).succeeds();
-    let log = log.stderr();
-    let line = log.lines().find(|line| line.contains("\"denoised\""));
-    let done: Value = serde_json::from_str(line.expect("a report")).expect("JSON");
+    let ran = denoise(folder, "out.exr", &[&log, options].concat());
+    let done = ran.succeeds().report();
     for count in COUNTS {
         assert!(done[count].is_u64(), "{count} in {done}");
         assert_eq!(said["pixels"][count], done[count], "{count}");
@@ -152,7 +150,7 @@ fn assert_counts_agree(folder: &Path, options: &[&str]) -> Value {
     said
 }
 
-/// `calm` of 83 rows without noise, and one pixel that is no number.
+/// `calm` of 83 rows without noise, and one pixel that is not a number.
 fn channels(width: usize, calm: usize) -> Vec<NamedSamples> {
     let mut channels = everything(width * 83);
     for (name, samples) in &mut channels {

@@ -5,23 +5,16 @@
 use std::fs;
 use std::path::Path;
 
-use exr::prelude::{Blocks, Compression, Encoding, LineOrder};
+use exr::prelude::{Blocks, Compression};
 use linpred_tests::command::linpred_within;
-use linpred_tests::images::{TestPart, everything, part, write};
+use linpred_tests::images::{everything, part, write};
 
 #[test]
 fn whatever_the_limit_the_run_ends_in_a_sentence_or_in_the_same_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let size = (1200, 64);
-    let noisy = TestPart {
-        encoding: Encoding {
-            compression: Compression::PIZ,
-            blocks: Blocks::ScanLines,
-            line_order: LineOrder::Increasing,
-        },
-        ..part(everything(size.0 * size.1))
-    };
+    let noisy = part(everything(size.0 * size.1)).stored(Compression::PIZ, Blocks::ScanLines);
     write(&folder.path().join("in.exr"), size, vec![noisy]);
     let (input, output, ample) = (path("in.exr"), path("out.exr"), path("ample.exr"));
     let denoise = |limit, output: &str| {

@@ -1,0 +1,10 @@
+//! The command line as a user meets it.
+
+mod bad_input_gets_a_sentence;
+mod compare_agrees_with_the_definition;
+mod inspect_tells_what_a_run_skips;
+mod memory_stays_within_the_plan;
+mod memory_that_cannot_be_had;
+mod sample_is_denoised;
+mod sequences;
+mod stopping_and_progress;

@@ -1,0 +1,10 @@
+//! Whole frames in memory through the moving band of rows.
+
+mod cuts_change_no_bit;
+mod estimated_error_is_the_error;
+mod exact_where_it_can_be;
+mod layers_add_up_to_the_beauty;
+mod overlap_changes_nothing;
+mod pushed_rows_come_out_denoised;
+mod trouble_stays_where_it_is;
+mod units_change_the_unit_alone;
