@@ -30,7 +30,7 @@ pub struct Window {
     samples: Vec<Sample>,
     /// Regressors of every pixel, 1 first.
     z: Vec<Vec<f64>>,
-    per_radiance: f64,
+    radiance_scale: f64,
     params: Params,
     /// Directions kept.
     pub rank: usize,
@@ -96,7 +96,7 @@ impl Window {
         let mut window = Self {
             samples,
             z: Vec::new(),
-            per_radiance: heaviest.sqrt(),
+            radiance_scale: heaviest.sqrt(),
             params,
             rank: 0,
             clearance: 0.0,
@@ -170,7 +170,7 @@ impl Window {
     /// The largest radiance of the valid pixels.
     pub fn largest_radiance(&self) -> f64 {
         let all = self.valid().into_iter().flat_map(|i| self.samples[i].y);
-        all.fold(0.0, |a: f64, b| a.max(b.abs())) / self.per_radiance
+        all.fold(0.0, |a: f64, b| a.max(b.abs())) / self.radiance_scale
     }
 
     fn rows(&self, pixels: std::ops::Range<usize>, y: &[[f64; 3]]) -> Vec<Row> {
@@ -325,7 +325,7 @@ impl Window {
             .iter()
             .map(|z| evaluate(&model.beta, z))
             .collect();
-        let unit = self.per_radiance;
+        let unit = self.radiance_scale;
         let own_variance = (model.terms as f64 / pixels as f64).min(1.0);
         let expected = self.mean_distance(&predicted);
         (0..pixels)

@@ -58,7 +58,7 @@ pub struct Scene {
     pub features: bool,
     /// Whether the variances come with the image.
     pub variances: bool,
-    /// Extra layers; the last is what is missing to the beauty.
+    /// Extra layers; the last is what is missing to the colour.
     pub layers: usize,
 }
 

@@ -68,7 +68,7 @@ pub const FEATURE_UNITS: f64 = 1e-4;
 /// A denoised frame with its channels in another order, relative to its brightest pixel: sums over the channels. Seen: 1.9e-7.
 pub const CHANNEL_ORDER: f64 = 2e-6;
 
-/// Denoised layers' sum against the denoised beauty, relative to its brightest pixel: rounding of sums in another order.
+/// Denoised layers' sum against the denoised colour, relative to its brightest pixel: rounding of sums in another order.
 pub const LAYER_SUM: f64 = 1e-5;
 
 /// A frame that is an affine function of its features, without a prior, relative to its brightest pixel: rounding. Seen: 3.6e-7.

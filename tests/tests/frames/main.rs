@@ -3,7 +3,7 @@
 mod cuts_change_no_bit;
 mod estimated_error_is_the_error;
 mod exact_where_it_can_be;
-mod layers_add_up_to_the_beauty;
+mod layers_add_up_to_the_colour;
 mod overlap_changes_nothing;
 mod pushed_rows_come_out_denoised;
 mod trouble_stays_where_it_is;

@@ -1,4 +1,4 @@
-//! Layers that sum to the beauty still do when they are denoised with its models.
+//! Layers that sum to the colour still do when they are denoised with its models.
 
 use linpred_core::{Params, Quality};
 use linpred_tests::frames::{Frame, Scene, pixels};
@@ -7,8 +7,8 @@ use linpred_tests::tolerance::{LAYER_SUM, close};
 fn sums_hold(frame: &Frame, params: Params) {
     let output = frame.denoise(params);
     assert!(output.is_finite());
-    let beauty = output.colours();
-    let brightest = beauty
+    let colour = output.colours();
+    let brightest = colour
         .as_flattened()
         .iter()
         .fold(0.0f32, |a, b| a.max(b.abs()));
@@ -21,11 +21,11 @@ fn sums_hold(frame: &Frame, params: Params) {
                 .collect()
         })
         .collect();
-    for (i, beauty) in beauty.iter().enumerate() {
+    for (i, colour) in colour.iter().enumerate() {
         for c in 0..3 {
             let sum: f32 = layers.iter().map(|layer| layer[i][c]).sum();
-            let error = f64::from((sum - beauty[c]) / brightest);
-            assert!(close(error, 0.0, LAYER_SUM), "{i}: {sum} {}", beauty[c]);
+            let error = f64::from((sum - colour[c]) / brightest);
+            assert!(close(error, 0.0, LAYER_SUM), "{i}: {sum} {}", colour[c]);
         }
     }
     assert!(layers.iter().all(|layer| layer.iter().any(|v| v[0] != 0.0)));
