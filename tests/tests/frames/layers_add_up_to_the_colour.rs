@@ -53,7 +53,7 @@ fn with_any_formulas() {
 /// An early version started the layers' fit around a bad pixel at what the layer held there: 1e30 beside 0.1 left nothing of the
 /// neighbours.
 #[test]
-fn where_the_beauty_or_its_layers_are_not_a_number() {
+fn where_the_colour_or_its_layers_are_not_a_number() {
     let mut frame = scene();
     for (x, y) in [(5, 5), (6, 5), (30, 20), (63, 46)] {
         frame.rows[y].colour[1][x] = f32::NAN;
