@@ -166,11 +166,26 @@ pub(crate) struct SurveyArguments {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-The relative error is the mean over pixels and channels of ((a - f)^2 - var f) / (f^2 + 0.01), where var f is the reference's own
-variance of the mean, read from its channels variance.R, variance.G and variance.B if it has them.
+What is measured (a: the image, f: the reference; luminance is 0.2126 R + 0.7152 G + 0.0722 B; images are mirrored at their borders):
+  rMSE       mean over pixels and channels of ((a - f)^2 - var f) / (f^2 + 0.01); var f is the reference's own variance of the mean, read
+             from its channels variance.R, variance.G and variance.B if it has them
+  MSE        mean over pixels and channels of (a - f)^2
+  PSNR       of both images clamped to 0..1 and coded as sRGB, dB; 120 for equal ones
+  energy     mean of a / mean of f: 1 if no light is lost
+  bias       mean of (A - F) / (F + 0.01), with A and F the mean luminances of 17 x 17 pixels: light lost or won locally
+  off5       share of the pixels where that is beyond +-5 %
+  top1       mean luminance of a / of f over the brightest 1 % of f: 1 if highlights stay
+  pinholes   pixels per megapixel darker than 0.4 times the median of the 25 around and than half the darkest of f's 9
+  sparks     pixels per megapixel brighter than 2.5 times that median and than twice the brightest of f's 9; for both, 0.02 of the mean of
+             f is added to each luminance
+  gain       rMSE of the --input / rMSE of the image
+  worst      the pixels of the largest relative squared error, and the squares of 32 x 32 pixels with the largest sum of it
+One measure alone misleads: rMSE pays for darkness, and does not see specks. FLIP is not measured. Samples that are not finite are
+counted, and take part in no figure.
 
 Examples:
   linpred compare clean.exr reference.exr
+  linpred compare clean.exr reference.exr --input noisy.exr --picture seen.png
   linpred compare clean.exr reference.exr --heatmap where.png --json")]
 pub(crate) struct CompareArguments {
     /// The image
@@ -179,9 +194,19 @@ pub(crate) struct CompareArguments {
     /// What it should be
     #[arg(value_name = "REFERENCE.exr")]
     pub(crate) reference: PathBuf,
+    /// What the image was made of: measure that too, and the gain
+    #[arg(long, value_name = "NOISY.exr")]
+    pub(crate) input: Option<PathBuf>,
     /// Write a picture of the relative error: black 1e-4 or less, white 1 or more, cyan not a number
     #[arg(long, value_name = "OUT.png")]
     pub(crate) heatmap: Option<PathBuf>,
+    /// Write a picture to look at, in sRGB: side by side the --input, the image, the reference and the relative error, and below them the five worst
+    /// places of 32 x 32 pixels, each 4 times as large, without the error
+    #[arg(long, value_name = "OUT.png")]
+    pub(crate) picture: Option<PathBuf>,
+    /// Memory that may be used, such as 256M [default: 2G]
+    #[arg(long, value_name = "SIZE", value_parser = parse_size)]
+    pub(crate) max_memory: Option<u64>,
     /// Which layer is the colour, as for denoise (--map colour=LAYER)
     #[arg(long, value_name = "ROLE=CHANNEL", value_parser = Mapping::parse)]
     pub(crate) map: Vec<Mapping>,

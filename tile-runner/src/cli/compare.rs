@@ -1,46 +1,40 @@
 //! `linpred compare`.
 
 use std::io::Write;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::atomic::AtomicBool;
 
-use linpred::Error;
-use linpred::job::{Comparison, DEFAULT_MEMORY_LIMIT, compare};
+use linpred::exr_file::output::check_output;
+use linpred::job::{CompareRequest, Comparing, Comparison, DEFAULT_MEMORY_LIMIT, Figures};
+use linpred::{Error, ImageSize};
 
 use super::args::CompareArguments;
 use super::heatmap::Heatmap;
+use super::picture::Picture;
+use super::png_rows;
+use super::stop;
 
-/// Prints the figures of a comparison.
+/// Prints the figures of a comparison, and draws what is asked for.
 pub(crate) fn run(arguments: CompareArguments) -> Result<ExitCode, Error> {
-    let CompareArguments {
-        image,
-        reference,
-        heatmap,
-        map,
-        json,
-    } = arguments;
-    if let Some(path) = &heatmap {
-        linpred::exr_file::output::check_output(path, &[&image, &reference])?;
-    }
-    let mut picture = None;
-    let comparison = compare(
-        &image,
-        &reference,
-        &map,
-        DEFAULT_MEMORY_LIMIT,
-        |size, errors| {
-            let Some(path) = &heatmap else { return Ok(()) };
-            if picture.is_none() {
-                picture = Some(Heatmap::create(path, size)?);
-            }
-            picture
-                .as_mut()
-                .map_or(Ok(()), |picture| picture.row(errors))
-        },
-    )?;
-    if let Some(picture) = picture {
-        picture.finish()?;
-    }
-    let text = match json {
+    let limit = arguments.max_memory.unwrap_or(DEFAULT_MEMORY_LIMIT);
+    let request = CompareRequest::new(arguments.image, arguments.reference)
+        .with_input(arguments.input)
+        .with_map(arguments.map)
+        .with_memory_limit(limit);
+    let paths = Paths {
+        heatmap: arguments.heatmap,
+        picture: arguments.picture,
+    };
+    paths.check(&request)?;
+    let mut images = Comparing::open(&request)?;
+    let (size, has_input) = (images.size(), request.input.is_some());
+    let mut plan = images.plan();
+    plan.add("pictures", paths.bytes(size, has_input));
+    plan.check(limit)?;
+    let drawn = paths.create(size, has_input)?;
+    let comparison = measure(&mut images, drawn, &stop::on_signals())?;
+    let text = match arguments.json {
         true => format!("{}\n", serde_json::json!(comparison)),
         false => in_words(&comparison),
     };
@@ -49,21 +43,130 @@ pub(crate) fn run(arguments: CompareArguments) -> Result<ExitCode, Error> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Which pictures are asked for.
+struct Paths {
+    heatmap: Option<PathBuf>,
+    picture: Option<PathBuf>,
+}
+
+impl Paths {
+    fn check(&self, request: &CompareRequest) -> Result<(), Error> {
+        let mut read: Vec<&Path> = vec![&request.image, &request.reference];
+        read.extend(request.input.as_deref());
+        for path in self.heatmap.iter().chain(&self.picture) {
+            check_output(path, &read)?;
+        }
+        match (&self.heatmap, &self.picture) {
+            (Some(heatmap), Some(picture)) if heatmap == picture => Err(Error::Usage(format!(
+                "the heat map and the picture cannot both be {}",
+                picture.display()
+            ))),
+            _ => Ok(()),
+        }
+    }
+
+    fn bytes(&self, size: ImageSize, has_input: bool) -> u64 {
+        let heatmap = self.heatmap.iter().map(|_| png_rows::bytes(size.width()));
+        let picture = self.picture.iter();
+        let picture = picture.map(|_| Picture::bytes(size, has_input));
+        heatmap.chain(picture).fold(0, u64::saturating_add)
+    }
+
+    fn create(&self, size: ImageSize, has_input: bool) -> Result<Drawn, Error> {
+        let heatmap = self.heatmap.as_deref();
+        let picture = self.picture.as_deref();
+        Ok(Drawn {
+            heatmap: heatmap
+                .map(|path| Heatmap::create(path, size))
+                .transpose()?,
+            picture: picture
+                .map(|path| Picture::create(path, size, has_input))
+                .transpose()?,
+        })
+    }
+}
+
+/// The pictures that are being drawn.
+struct Drawn {
+    heatmap: Option<Heatmap>,
+    picture: Option<Picture>,
+}
+
+fn measure(
+    images: &mut Comparing,
+    mut drawn: Drawn,
+    stop: &AtomicBool,
+) -> Result<Comparison, Error> {
+    let comparison = images.measure(stop, |row, errors| {
+        if let Some(heatmap) = &mut drawn.heatmap {
+            heatmap.row(errors)?;
+        }
+        if let Some(picture) = &mut drawn.picture {
+            picture.row(row, errors)?;
+        }
+        Ok(())
+    })?;
+    if let Some(picture) = drawn.picture {
+        picture.finish(images, &comparison.worst_places, stop)?;
+    }
+    if let Some(heatmap) = drawn.heatmap {
+        heatmap.finish()?;
+    }
+    Ok(comparison)
+}
+
+/// A line of the table: its name, the figure, its decimals, what to know of it.
+type Line = (&'static str, fn(&Figures) -> f64, usize, &'static str);
+
+const LINES: [Line; 10] = [
+    ("rMSE", |f| f.rmse, 6, ""),
+    ("MSE", |f| f.mse, 6, ""),
+    ("PSNR", |f| f.psnr, 2, "dB, tone-mapped"),
+    ("energy", |f| f.energy, 4, "1: no light is lost"),
+    ("bias", |f| f.bias, 4, "0: nor locally"),
+    ("off5", |f| 100.0 * f.off5, 2, "% of the pixels"),
+    ("top1", |f| f.top1, 4, "1: highlights stay"),
+    ("pinholes", |f| f.pinholes, 1, "per megapixel"),
+    ("sparks", |f| f.sparks, 1, "per megapixel"),
+    ("not finite", |f| f.non_finite as f64, 0, "samples"),
+];
+
 fn in_words(comparison: &Comparison) -> String {
-    let own = if comparison.reference_has_variance {
-        "taken off"
-    } else {
-        "not known"
+    let input = comparison.input.as_ref();
+    let cell = |figure: Option<f64>, decimals| match figure {
+        None => String::new(),
+        Some(figure) => format!("{figure:>14.decimals$}"),
     };
-    let mut text = format!(
-        "rMSE            {:.6}  (the reference's own noise: {own})\nMSE             {:.6}\nPSNR (tonemapped) {:.2} dB\nnot finite      {}\nworst pixels\n",
-        comparison.rmse, comparison.mse, comparison.psnr_tonemapped, comparison.non_finite
-    );
+    let heading = input.map_or(String::new(), |_| format!("{:>14}", "input"));
+    let mut text = format!("{:<10}{:>14}{heading}\n", "", "image");
+    for (name, figure, decimals, note) in LINES {
+        let image = cell(Some(figure(&comparison.figures)), decimals);
+        let input = cell(input.map(figure), decimals);
+        let line = format!("{name:<10}{image}{input}  {note}");
+        text += &format!("{}\n", line.trim_end());
+    }
+    if let Some(gain) = comparison.gain {
+        text += &format!("{:<10}{gain:>14.2}\n", "gain");
+    }
+    let own = match comparison.reference_has_variance {
+        true => "taken off the relative errors",
+        false => "not known",
+    };
+    text + &format!(
+        "the reference's own noise: {own}\n{}",
+        worst_in_words(comparison)
+    )
+}
+
+fn worst_in_words(comparison: &Comparison) -> String {
+    let line = |x: usize, y: usize, error: f64| format!("  x {x:>5}  y {y:>5}  {error:.4}\n");
+    let mut text = String::from("worst pixels, relative squared error\n");
     for pixel in &comparison.worst {
-        text += &format!(
-            "  x {:>5}  y {:>5}  relative squared error {:.4}\n",
-            pixel.x, pixel.y, pixel.error
-        );
+        text += &line(pixel.x, pixel.y, pixel.error);
+    }
+    text += "worst places of 32 x 32 pixels, mean of it\n";
+    for place in &comparison.worst_places {
+        text += &line(place.x, place.y, place.error);
     }
     text
 }

@@ -1,10 +1,10 @@
 //! A picture of where an image is wrong.
 
-use std::io::Write;
 use std::path::Path;
 
-use linpred::exr_file::output::OutputFile;
 use linpred::{Error, ImageSize};
+
+use super::png_rows::PngRows;
 
 /// Relative squared error that is drawn black, and that is drawn white: four decades between.
 const DARKEST: f32 = 1e-4;
@@ -19,87 +19,35 @@ const RAMP: [[f32; 3]; 5] = [
     [1.0, 1.0, 1.0],
 ];
 /// What a pixel without a number is drawn in: a colour that is not on the ramp.
-const NO_NUMBER: [u8; 3] = [0, 255, 255];
+pub(super) const NO_NUMBER: [u8; 3] = [0, 255, 255];
 
-/// Writes a PNG row by row.
+/// A picture of relative squared errors, drawn row by row.
+#[derive(Debug)]
 pub(crate) struct Heatmap {
-    rows: png::StreamWriter<'static, PngFile>,
-    file: PngFile,
-}
-
-impl std::fmt::Debug for Heatmap {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Heatmap").finish_non_exhaustive()
-    }
-}
-
-/// The file is kept beside the encoder, which does not give it back: it gets its name when the encoder is done.
-#[derive(Clone, Debug)]
-struct PngFile(std::sync::Arc<std::sync::Mutex<Option<OutputFile>>>);
-
-impl PngFile {
-    fn with<T>(&self, act: impl FnOnce(&mut OutputFile) -> T) -> T {
-        let mut file = self
-            .0
-            .lock()
-            .unwrap_or_else(std::sync::PoisonError::into_inner);
-        act(file.as_mut().expect("taken only when the encoder is gone"))
-    }
-}
-
-impl Write for PngFile {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.with(|file| file.write(bytes))
-    }
-
-    fn flush(&mut self) -> std::io::Result<()> {
-        self.with(Write::flush)
-    }
+    rows: PngRows,
 }
 
 impl Heatmap {
     /// Begins a picture. [`Error::Write`] if the file cannot be created.
     pub(crate) fn create(path: &Path, size: ImageSize) -> Result<Self, Error> {
-        let file = PngFile(std::sync::Arc::new(std::sync::Mutex::new(Some(
-            OutputFile::create(path)?,
-        ))));
-        // an ImageSize's sides fit i32
-        let mut encoder =
-            png::Encoder::new(file.clone(), size.width() as u32, size.height() as u32);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(png::BitDepth::Eight);
-        let rows = encoder
-            .write_header()
-            .and_then(png::Writer::into_stream_writer);
-        match rows {
-            Ok(rows) => Ok(Self { rows, file }),
-            Err(error) => Err(file.with(|file| file.error(error.into()))),
-        }
+        let rows = PngRows::create(path, size.width(), size.height())?;
+        Ok(Self { rows })
     }
 
     /// Draws a row of relative squared errors.
     pub(crate) fn row(&mut self, errors: &[f32]) -> Result<(), Error> {
-        let bytes: Vec<u8> = errors.iter().flat_map(|&error| colour(error)).collect();
-        self.rows
-            .write_all(&bytes)
-            .map_err(|source| self.file.with(|file| file.error(source)))
+        let pixels: Vec<[u8; 3]> = errors.iter().map(|&error| colour(error)).collect();
+        self.rows.row(&pixels)
     }
 
     /// Completes the picture.
     pub(crate) fn finish(self) -> Result<(), Error> {
-        let done = self.rows.finish();
-        done.map_err(|error| self.file.with(|file| file.error(error.into())))?;
-        let file = self
-            .file
-            .0
-            .lock()
-            .unwrap_or_else(std::sync::PoisonError::into_inner)
-            .take();
-        file.map_or(Ok(()), OutputFile::finish)
+        self.rows.finish()
     }
 }
 
-fn colour(error: f32) -> [u8; 3] {
+/// The colour of a relative squared error.
+pub(super) fn colour(error: f32) -> [u8; 3] {
     if !error.is_finite() {
         return NO_NUMBER;
     }

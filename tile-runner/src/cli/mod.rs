@@ -9,6 +9,8 @@ pub(crate) mod frames;
 pub(crate) mod heatmap;
 pub(crate) mod inspect;
 pub(crate) mod log;
+pub(crate) mod picture;
+pub(crate) mod png_rows;
 pub(crate) mod progress;
 pub(crate) mod report;
 pub(crate) mod size;

@@ -29,7 +29,10 @@ mod sequence;
 mod stitch;
 
 pub use band::{BAND_ATTRIBUTE, Band, BandSink, BandSource, WHOLE_ATTRIBUTE};
-pub use compare::{Comparison, WorstPixel, compare};
+pub use compare::{
+    ColourRow, CompareRequest, Comparing, Comparison, Figures, PLACE, WorstPixel, WorstPlace,
+    tone_mapped, worst_places,
+};
 pub use denoise::{Summary, denoise};
 pub use input::{Input, InputRequest};
 pub use inspect::{Inspection, PartInfo, RoleInfo, describe, inspect, inspect_with, survey};

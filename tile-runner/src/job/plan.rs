@@ -153,6 +153,18 @@ pub(super) fn survey_plan(
     .unwrap_or_else(|| plan(NonZeroUsize::MIN))
 }
 
+/// What comparing the images `inputs` will hold in memory, `computing` bytes beside what reading them takes.
+pub(super) fn compare_plan(inputs: &[&Input], computing: u64) -> MemoryPlan {
+    let mut plan = MemoryPlan::default();
+    plan.add("the program", PROGRAM);
+    for input in inputs {
+        add_reading(&mut plan, input);
+        add_coding(&mut plan, input, &[], true);
+    }
+    plan.add("computing", computing);
+    plan
+}
+
 fn add_reading(plan: &mut MemoryPlan, input: &Input) {
     let files = input.names.files();
     let mut channels: BTreeMap<(usize, usize), BTreeSet<usize>> = BTreeMap::new();

@@ -13,7 +13,7 @@ pub mod push;
 pub(crate) mod report;
 mod resolved_row;
 mod row_of_cells;
-mod row_ring;
+pub(crate) mod row_ring;
 mod sum_rows;
 pub mod survey;
 mod threads;
