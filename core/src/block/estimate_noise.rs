@@ -27,6 +27,7 @@ use crate::block::median::medians_3x3;
 use crate::block::plane::{
     BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane, columns, columns_of,
 };
+use crate::features::{FEATURES, Feature};
 use crate::float::reciprocal_sqrt;
 
 /// Pixels around a block that its estimates read: mean radiance, difference, and neighbourhood.
@@ -62,14 +63,14 @@ pub struct NoisyBlock {
     /// Radiance, red green blue.
     pub colour: [NoisePlane; 3],
     /// Normal, albedo and depth; 0 where the image has none.
-    pub features: [NoisePlane; 7],
+    pub features: [NoisePlane; FEATURES],
 }
 
 impl NoisyBlock {
     /// A black block.
     pub const BLACK: Self = Self {
         colour: [[[0.0; INPUT_COLUMNS]; INPUT_HEIGHT]; 3],
-        features: [[[0.0; INPUT_COLUMNS]; INPUT_HEIGHT]; 7],
+        features: [[[0.0; INPUT_COLUMNS]; INPUT_HEIGHT]; FEATURES],
     };
     /// Columns of its planes that are read, from the first; the others may hold any finite number.
     pub const WIDTH: usize = BLOCK_WIDTH + 2 * NOISE_HALO;
@@ -83,19 +84,19 @@ pub struct NoiseBlock {
     /// Variance of the radiance, summed over the channels; exactly 0 where a pixel equals its neighbours.
     pub colour: BlockPlane,
     /// Variances of the features.
-    pub features: [BlockPlane; 7],
+    pub features: [BlockPlane; FEATURES],
 }
 
 impl NoiseBlock {
     /// No noise.
     pub const NONE: Self = Self {
         colour: [[0.0; BLOCK_COLUMNS]; BLOCK_HEIGHT],
-        features: [[[0.0; BLOCK_COLUMNS]; BLOCK_HEIGHT]; 7],
+        features: [[[0.0; BLOCK_COLUMNS]; BLOCK_HEIGHT]; FEATURES],
     };
 }
 
-const ALBEDO: usize = 3;
-const DEPTH: usize = 6;
+const ALBEDO: usize = Feature::Albedo.range().start;
+const DEPTH: usize = Feature::Depth.range().start;
 
 /// Estimates the variances of a block of the features' means.
 #[inline(always)]
@@ -106,7 +107,7 @@ pub fn estimate_feature_noise(input: &NoisyBlock, output: &mut NoiseBlock) {
     let depth = &input.features[DEPTH];
     let slope = gradient(depth);
     let depth_noise = output.features[DEPTH];
-    for k in ALBEDO..DEPTH {
+    for k in Feature::Albedo.range() {
         let texture = gradient(&input.features[k]);
         for y in 0..BLOCK_HEIGHT {
             for x in 0..BLOCK_COLUMNS {
