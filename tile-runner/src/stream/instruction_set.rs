@@ -78,7 +78,11 @@ dispatched! {
 }
 dispatched! {
     /// [`linpred_core::prefilter`].
-    prefilter[const N: usize](input: &FeatureGroup<N>, output: &mut FilteredGroup<N>) -> bool
+    prefilter[const N: usize](
+        input: &FeatureGroup<N>,
+        output: &mut FilteredGroup<N>,
+        smoothed: Option<&mut FilteredGroup<N>>
+    ) -> bool
 }
 dispatched! {
     /// [`linpred_core::denoise_cells`].
@@ -229,7 +233,8 @@ mod tests {
         noise.fill(group.value.as_flattened_mut().as_flattened_mut());
         noise.fill(group.variance.as_flattened_mut().as_flattened_mut());
         let mut filtered = Box::new(FilteredGroup::ZERO);
-        assert!(instruction_set.prefilter(&group, &mut filtered));
+        let mut smoothed = Box::new(FilteredGroup::ZERO);
+        assert!(instruction_set.prefilter(&group, &mut filtered, Some(&mut smoothed)));
 
         let mut noisy = Box::new(NoisyBlock::BLACK);
         noise.fill(noisy.colour.as_flattened_mut().as_flattened_mut());
@@ -241,7 +246,7 @@ mod tests {
 
         let mut all = vec![
             format!("{prepared:?}"),
-            format!("{filtered:?}"),
+            format!("{filtered:?} {smoothed:?}"),
             format!("{of_features:?} {of_colour:?}"),
         ];
         let mut scratch = Box::new(Scratch::new());

@@ -68,10 +68,10 @@ pub(crate) fn reach(layout: &RowLayout) -> usize {
 }
 
 /// Bytes that denoising an image takes at most, beside the source and the sink.
-pub(crate) fn bytes(layout: &RowLayout, threads: NonZeroUsize) -> u64 {
-    let threads = threads.get() as u64;
+pub(crate) fn bytes(layout: &RowLayout, options: &Options) -> u64 {
+    let threads = options.threads.get() as u64;
     [
-        Preparation::bytes(layout, threads),
+        Preparation::bytes(layout, threads, options.params.vary_features),
         CellBenches::bytes(layout, threads),
         SumRows::bytes(layout),
         OutputRow::bytes(layout).saturating_mul(threads.saturating_mul(ROWS_PER_THREAD as u64)),
@@ -127,7 +127,12 @@ impl Pipeline {
             layout,
             params: options.params,
             instruction_set,
-            input: Preparation::new(layout, threads, instruction_set),
+            input: Preparation::new(
+                layout,
+                threads,
+                options.params.vary_features,
+                instruction_set,
+            ),
             cells: CellBenches::new(&layout, threads),
             sums: SumRows::new(&layout),
             resolved: (0..threads.get() * ROWS_PER_THREAD)

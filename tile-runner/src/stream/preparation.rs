@@ -21,13 +21,17 @@ use crate::stream::report::Counts;
 pub(crate) const LOOK_BELOW: usize = HALO + BLOCK_HALO;
 
 /// Rows above the next row of cells of which more than the colours is held: what is prepared next begins
-/// a halo below the top of those cells.
-const GUIDES_ABOVE: usize = BLOCK_HALO - HALO;
+/// a halo below the top of those cells. Features as rendered are read by the cells themselves.
+const fn guides_above(vary: bool) -> usize {
+    if vary { HALO } else { BLOCK_HALO - HALO }
+}
+const _: () = assert!(BLOCK_HALO - HALO <= HALO);
 
 /// What is in memory of an image's input.
 pub(crate) struct Preparation {
     layout: RowLayout,
     instruction_set: InstructionSet,
+    vary: bool,
     missing: Missing,
     /// Rows whose variances are there.
     estimated: usize,
@@ -39,32 +43,38 @@ pub(crate) struct Preparation {
 }
 
 impl Preparation {
-    /// Nothing of an image yet, to be prepared on `threads` threads.
+    /// Nothing of an image yet, to be prepared on `threads` threads for models that see one set of features or `vary` in what they see.
     pub(crate) fn new(
         layout: RowLayout,
         threads: NonZeroUsize,
+        vary: bool,
         instruction_set: InstructionSet,
     ) -> Self {
         Self {
             layout,
             instruction_set,
+            vary,
             missing: Missing::of(&layout),
             estimated: 0,
             held: HeldRows::new(layout),
-            prepared: std::array::from_fn(|_| PreparedRows::new(&layout)),
+            prepared: std::array::from_fn(|_| PreparedRows::new(&layout, vary)),
             benches: (0..threads.get()).map(|_| BlockBench::new()).collect(),
             input: InputRow::new(&layout),
         }
     }
 
     /// Bytes that it takes at most, on `threads` threads.
-    pub(crate) fn bytes(layout: &RowLayout, threads: u64) -> u64 {
+    pub(crate) fn bytes(layout: &RowLayout, threads: u64, vary: bool) -> u64 {
         let missing = Missing::of(layout);
         let below = 2 * CELL + missing.halo();
         [
             plane_bytes(layout.size, HALO + below, ColourRow::planes(layout)),
-            plane_bytes(layout.size, GUIDES_ABOVE + below, GuideRow::planes(layout)),
-            PreparedRows::bytes(layout).saturating_mul(2),
+            plane_bytes(
+                layout.size,
+                guides_above(vary) + below,
+                GuideRow::planes(layout),
+            ),
+            PreparedRows::bytes(layout, vary).saturating_mul(2),
             InputRow::bytes(layout),
             missing.working_bytes(threads),
             threads.saturating_mul(size_of::<BlockBench>() as u64),
@@ -114,6 +124,7 @@ impl Preparation {
             held: &self.held,
             prepared: &self.prepared,
             row,
+            vary: self.vary,
         }
     }
 
@@ -121,7 +132,8 @@ impl Preparation {
     pub(crate) fn advance(&mut self, row: usize) {
         self.prepared.rotate_left(1);
         let next = (row + 1) * CELL;
-        self.held.drop_before(next - HALO, next - GUIDES_ABOVE);
+        self.held
+            .drop_before(next - HALO, next - guides_above(self.vary));
     }
 }
 

@@ -38,7 +38,7 @@ pub struct Survey {
 /// Bytes that a survey takes at most, beside the source.
 pub(crate) fn bytes(layout: &RowLayout, threads: NonZeroUsize) -> u64 {
     let threads = threads.get() as u64;
-    Preparation::bytes(layout, threads).saturating_add(stack_bytes(threads))
+    Preparation::bytes(layout, threads, false).saturating_add(stack_bytes(threads))
 }
 
 /// Surveys the rows of `source`, each of which is read once, on `threads` threads, whose number changes nothing. `progress` is told how many
@@ -51,7 +51,7 @@ pub fn survey(
     let pool = pool(threads)?;
     let layout = source.layout();
     let height = layout.size.height();
-    let mut input = Preparation::new(layout, threads, InstructionSet::detect());
+    let mut input = Preparation::new(layout, threads, false, InstructionSet::detect());
     let mut found = Findings::new(layout);
     for row in 0..height.div_ceil(CELL) {
         input.read(source, row)?;
