@@ -10,6 +10,7 @@
 //!
 //! | | unit | function |
 //! |---|---|---|
+//! | pixels that one sample made far too bright, to be left out like those that are not finite | row | [`find_fireflies`] |
 //! | variances, where the renderer gave none | block | [`estimate_colour_noise`], [`estimate_feature_noise`] |
 //! | a weight for each sample, its variance, and how far a prediction may be from it | block | [`weigh_samples`] |
 //! | features without their noise | block | [`prefilter`] |
@@ -77,6 +78,7 @@ pub use blend::{Denoised, LayerTile, Predictions, Sum, resolve, resolve_layer};
 pub use block::estimate_noise::{
     NOISE_HALO, NoiseBlock, NoisePlane, NoisyBlock, estimate_colour_noise, estimate_feature_noise,
 };
+pub use block::fireflies::{FIREFLY_HALO, FIREFLY_ROWS, find_fireflies};
 pub use block::plane::{BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane};
 pub use block::prefilter::{FeatureGroup, FeaturePlane, FilteredGroup, PREFILTER_HALO, prefilter};
 pub use block::weights::{ColourBlock, ColourPlane, WEIGHTS_HALO, WeightBlock, weigh_samples};

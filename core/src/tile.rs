@@ -27,7 +27,7 @@ pub enum PixelState {
     Clean,
     /// Predicted, and read by fits.
     Noisy,
-    /// Its colour is not finite: predicted by its neighbours' models, and never read by a fit.
+    /// Its colour is not finite, or one sample's alone: predicted by its neighbours' models, and never read by a fit.
     Bad,
 }
 

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use linpred_core::{FEATURES, Feature};
 
+use crate::geometry::plane_bytes;
 use crate::row::{InputRow, RowLayout, VarianceKind};
 use crate::stream::borders::{clamped, copy_clamped, copy_mirrored, mirrored};
 use crate::stream::row_ring::RowRing;
@@ -18,8 +19,10 @@ const NO_SURFACE: f32 = 1e9;
 pub(crate) struct ColourRow {
     /// Radiance, 0 where the pixel is bad.
     pub(crate) colour: [Vec<f32>; 3],
-    /// 1, or 0 where the colour is not finite.
+    /// 1, or 0 where the pixel is bad: its colour is not finite, or it is a firefly.
     pub(crate) good: Vec<f32>,
+    /// Which pixels are fireflies.
+    pub(crate) firefly: Vec<bool>,
     /// Extra layers, 0 where not finite and where the pixel is bad: what a layer holds there is no better.
     pub(crate) layers: Vec<[Vec<f32>; 3]>,
 }
@@ -41,9 +44,10 @@ pub(crate) struct GuideRow {
 }
 
 impl ColourRow {
-    /// Planes of a row.
-    pub(crate) fn planes(layout: &RowLayout) -> usize {
-        4 + 3 * layout.layers
+    /// Bytes of `rows` rows.
+    pub(crate) fn bytes(layout: &RowLayout, rows: usize) -> u64 {
+        let flags = (layout.size.width() as u64).saturating_mul(rows as u64);
+        plane_bytes(layout.size, rows, 4 + 3 * layout.layers).saturating_add(flags)
     }
 
     fn new(layout: &RowLayout) -> Self {
@@ -51,6 +55,7 @@ impl ColourRow {
         Self {
             colour: std::array::from_fn(|_| plane()),
             good: plane(),
+            firefly: vec![false; layout.size.width()],
             layers: (0..layout.layers)
                 .map(|_| std::array::from_fn(|_| plane()))
                 .collect(),
@@ -58,6 +63,7 @@ impl ColourRow {
     }
 
     fn fill(&mut self, input: &InputRow) {
+        self.firefly.fill(false);
         for x in 0..self.good.len() {
             let colour: [f32; 3] = std::array::from_fn(|c| input.colour[c][x]);
             let good = colour.iter().all(|v| v.abs() <= LARGEST);
@@ -75,12 +81,22 @@ impl ColourRow {
             }
         }
     }
+
+    /// Makes the pixel in column `x` a bad one.
+    pub(crate) fn spoil(&mut self, x: usize) {
+        self.good[x] = 0.0;
+        let layers = self.layers.iter_mut().flatten();
+        for plane in self.colour.iter_mut().chain(layers) {
+            plane[x] = 0.0;
+        }
+    }
 }
 
 impl GuideRow {
-    /// Planes of a row.
-    pub(crate) fn planes(layout: &RowLayout) -> usize {
-        2 + 2 * layout.features.iter().filter(|present| **present).count()
+    /// Bytes of `rows` rows.
+    pub(crate) fn bytes(layout: &RowLayout, rows: usize) -> u64 {
+        let features = layout.features.iter().filter(|present| **present).count();
+        plane_bytes(layout.size, rows, 2 + 2 * features)
     }
 
     fn new(layout: &RowLayout) -> Self {
@@ -97,20 +113,19 @@ impl GuideRow {
     }
 
     fn fill(&mut self, input: &InputRow, colours: &ColourRow, kind: VarianceKind) {
-        self.luminance.fill(0.0);
-        for plane in &colours.colour {
-            for (sum, value) in self.luminance.iter_mut().zip(plane) {
-                *sum += value.abs() / 3.0;
-            }
+        let [red, green, blue] = &colours.colour;
+        let values = red.iter().zip(green).zip(blue);
+        for (own, ((red, green), blue)) in self.luminance.iter_mut().zip(values) {
+            *own = unordered_sum([red.abs(), green.abs(), blue.abs()]) / 3.0;
         }
         self.variance.fill(0.0);
         if kind != VarianceKind::Estimated {
-            for (variances, values) in input.variance.iter().zip(&colours.colour) {
-                let pixels = variances.iter().zip(values).zip(&colours.good);
-                for (sum, ((&variance, &value), good)) in self.variance.iter_mut().zip(pixels) {
-                    let checked = checked_variance(variance, value);
-                    *sum += if *good != 0.0 { checked } else { 0.0 };
-                }
+            let noisy = |c: usize| input.variance[c].iter().zip(&colours.colour[c]);
+            let channels = noisy(0).zip(noisy(1)).zip(noisy(2)).zip(&colours.good);
+            for (own, (((red, green), blue), good)) in self.variance.iter_mut().zip(channels) {
+                let checked = [red, green, blue].map(|(v, value)| checked_variance(*v, *value));
+                let sum = unordered_sum(checked);
+                *own = if *good != 0.0 { sum } else { 0.0 };
             }
         }
         for feature in Feature::ALL {
@@ -122,6 +137,12 @@ impl GuideRow {
                 self.fill_feature(k, input, limit);
             }
         }
+    }
+
+    /// Makes the pixel in column `x` a bad one; its features stay.
+    pub(crate) fn spoil(&mut self, x: usize) {
+        self.luminance[x] = 0.0;
+        self.variance[x] = 0.0;
     }
 
     /// Feature `k`, which counts as 0 without noise where its magnitude reaches `limit`.
@@ -166,6 +187,15 @@ fn checked_variance(variance: f32, value: f32) -> f32 {
     } else {
         (value * value).min(LARGEST * LARGEST)
     }
+}
+
+/// The sum, whose bits do not depend on the order of the three finite numbers: no order of the channels changes a decision.
+fn unordered_sum([a, b, c]: [f32; 3]) -> f32 {
+    let sorted = |a: f32, b: f32| if a < b { (a, b) } else { (b, a) };
+    let (low, high) = sorted(a, b);
+    let (middle, high) = sorted(high, c);
+    let (low, middle) = sorted(low, middle);
+    low + middle + high
 }
 
 /// The rows that are held.
@@ -216,6 +246,11 @@ impl HeldRows {
     /// The rest of row `y`, or of the nearest row of the image. The caller has asked for rows that are held.
     pub(crate) fn guides(&self, y: isize) -> &GuideRow {
         self.guides.row(clamped(y, self.layout.size.height()))
+    }
+
+    /// Row `y`, to spoil pixels of it.
+    pub(crate) fn row_mut(&mut self, y: usize) -> (&mut ColourRow, &mut GuideRow) {
+        (self.colours.row_mut(y), self.guides.row_mut(y))
     }
 
     /// Row `y`, to fill in variances: those of bad pixels are to stay 0.

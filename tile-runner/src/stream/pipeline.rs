@@ -1,7 +1,7 @@
 //! From rows to rows, through the few that are held.
 //!
 //! ```text
-//! rows of input           19 k - 9 ................................ 19 (k + 2)     HeldRows (+ 5 to estimate variances)
+//! rows of input           19 k - 9 ................................ 19 (k + 2)     HeldRows (+ 4 to tell fireflies, + 5 to estimate variances)
 //!   weights, prefilter      19 k - 10 ............... 19 (k + 1) + 9                 2 x PreparedRows
 //!     cells of row k          19 k - 9 ............. 19 (k + 1) + 9                   SumRows
 //!       rows of output          19 k - 9 .. 19 (k + 1) - 9
@@ -20,8 +20,7 @@ use rayon::prelude::*;
 use crate::error::Error;
 use crate::row::{OutputRow, RowLayout, RowSink, RowSource};
 use crate::stream::instruction_set::InstructionSet;
-use crate::stream::missing_variances::Missing;
-use crate::stream::preparation::{LOOK_BELOW, Preparation};
+use crate::stream::preparation::{LOOK_BELOW, Preparation, halo};
 use crate::stream::report::{Counts, Report};
 use crate::stream::resolved_row::{ROWS_PER_THREAD, ResolvedRow};
 use crate::stream::row_of_cells::CellBenches;
@@ -64,7 +63,7 @@ impl Default for Options {
 /// cell's windows reach as far again, and what they read was prepared from a halo of its own.
 pub(crate) fn reach(layout: &RowLayout) -> usize {
     // counted from a pixel of the halo: to the far edge of the cell, and what lies beyond that
-    HALO + CELL + LOOK_BELOW + Missing::of(layout).halo()
+    HALO + CELL + LOOK_BELOW + halo(layout)
 }
 
 /// Bytes that denoising an image takes at most, beside the source and the sink.
@@ -127,12 +126,7 @@ impl Pipeline {
             layout,
             params: options.params,
             instruction_set,
-            input: Preparation::new(
-                layout,
-                threads,
-                options.params.vary_features,
-                instruction_set,
-            ),
+            input: Preparation::new(layout, &options.params, threads, instruction_set),
             cells: CellBenches::new(&layout, threads),
             sums: SumRows::new(&layout),
             resolved: (0..threads.get() * ROWS_PER_THREAD)
@@ -180,6 +174,7 @@ impl Pipeline {
                 sink.write_row(self.written, &resolved.output)?;
                 self.report.counts.passed_through += resolved.counts.passed_through;
                 self.report.counts.repaired += resolved.counts.repaired;
+                self.report.counts.fireflies += resolved.counts.fireflies;
                 self.written += 1;
                 if progress(self.written).is_break() {
                     return Err(Error::Cancelled);

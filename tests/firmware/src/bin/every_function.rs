@@ -11,9 +11,9 @@ use core::hint::black_box;
 
 use cortex_m_rt::entry;
 use linpred_core::{
-    ColourBlock, FeatureGroup, FilteredGroup, Gram, NoiseBlock, NoisyBlock, NormalEquations,
+    ColourBlock, FIREFLY_ROWS, FeatureGroup, FilteredGroup, Gram, NoiseBlock, NoisyBlock, NormalEquations,
     WeightBlock, Prior, Rls, SymmetricEigen, estimate_colour_noise, estimate_feature_noise,
-    prefilter, weigh_samples,
+    find_fireflies, prefilter, weigh_samples,
 };
 
 fn recursion<const T: usize>() {
@@ -73,6 +73,12 @@ fn estimates(noisy: &mut NoisyBlock, noise: &mut NoiseBlock) {
     estimate_colour_noise(black_box(noisy), black_box(noise));
 }
 
+fn fireflies(found: &mut [bool; 5]) {
+    let row = black_box([1.0; 13]);
+    let rows: [&[f32]; FIREFLY_ROWS] = [black_box(&row[..]); FIREFLY_ROWS];
+    find_fireflies(&rows, black_box(Some(&row[..])), black_box(&mut found[..]));
+}
+
 #[entry]
 fn main() -> ! {
     // `entry` makes statics of a function that is called once references to them.
@@ -84,11 +90,13 @@ fn main() -> ! {
     static mut FILTERED_SINGLE: FilteredGroup<1> = FilteredGroup::ZERO;
     static mut NOISY: NoisyBlock = NoisyBlock::BLACK;
     static mut NOISE: NoiseBlock = NoiseBlock::NONE;
+    static mut FIREFLIES: [bool; 5] = [false; 5];
     loop {
         weigh_samples(black_box(COLOURS), black_box(PREPARED));
         filtered(TRIPLE, FILTERED_TRIPLE);
         filtered(SINGLE, FILTERED_SINGLE);
         estimates(NOISY, NOISE);
+        fireflies(FIREFLIES);
         recursion::<1>();
         recursion::<5>();
         recursion::<10>();
