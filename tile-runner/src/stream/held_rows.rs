@@ -14,12 +14,14 @@ const LARGEST: f32 = 1e15;
 /// Depths from here on are what renderers write where a ray leaves the scene.
 const NO_SURFACE: f32 = 1e9;
 
-/// What cells read of a row.
+/// What cells, and the stages after them, read of a row.
 pub(crate) struct ColourRow {
     /// Radiance, 0 where the pixel is bad.
     pub(crate) colour: [Vec<f32>; 3],
     /// 1, or 0 where the colour is not finite.
     pub(crate) good: Vec<f32>,
+    /// Variance of the mean, summed over the channels, 0 where the pixel is bad.
+    pub(crate) variance: Vec<f32>,
     /// Extra layers, 0 where not finite and where the pixel is bad: what a layer holds there is no better.
     pub(crate) layers: Vec<[Vec<f32>; 3]>,
 }
@@ -28,8 +30,6 @@ pub(crate) struct ColourRow {
 pub(crate) struct GuideRow {
     /// Mean magnitude of the channels, 0 where the pixel is bad.
     pub(crate) luminance: Vec<f32>,
-    /// Variance of the mean, summed over the channels, 0 where the pixel is bad.
-    pub(crate) variance: Vec<f32>,
     /// Features; NaN where missing, empty if the image has none.
     pub(crate) features: [Vec<f32>; FEATURES],
     /// Whether some pixel misses the feature.
@@ -43,7 +43,7 @@ pub(crate) struct GuideRow {
 impl ColourRow {
     /// Planes of a row.
     pub(crate) fn planes(layout: &RowLayout) -> usize {
-        4 + 3 * layout.layers
+        5 + 3 * layout.layers
     }
 
     fn new(layout: &RowLayout) -> Self {
@@ -51,13 +51,14 @@ impl ColourRow {
         Self {
             colour: std::array::from_fn(|_| plane()),
             good: plane(),
+            variance: plane(),
             layers: (0..layout.layers)
                 .map(|_| std::array::from_fn(|_| plane()))
                 .collect(),
         }
     }
 
-    fn fill(&mut self, input: &InputRow) {
+    fn fill(&mut self, input: &InputRow, kind: VarianceKind) {
         for x in 0..self.good.len() {
             let colour: [f32; 3] = std::array::from_fn(|c| input.colour[c][x]);
             let good = colour.iter().all(|v| v.abs() <= LARGEST);
@@ -66,6 +67,7 @@ impl ColourRow {
                 plane[x] = if good { value } else { 0.0 };
             }
         }
+        self.fill_variance(input, kind);
         for (own, layer) in self.layers.iter_mut().zip(&input.layers) {
             for (own, plane) in own.iter_mut().zip(layer) {
                 for ((own, &value), good) in own.iter_mut().zip(plane).zip(&self.good) {
@@ -75,12 +77,25 @@ impl ColourRow {
             }
         }
     }
+
+    fn fill_variance(&mut self, input: &InputRow, kind: VarianceKind) {
+        self.variance.fill(0.0);
+        if kind != VarianceKind::Estimated {
+            for (variances, values) in input.variance.iter().zip(&self.colour) {
+                let pixels = variances.iter().zip(values).zip(&self.good);
+                for (sum, ((&variance, &value), good)) in self.variance.iter_mut().zip(pixels) {
+                    let checked = checked_variance(variance, value);
+                    *sum += if *good != 0.0 { checked } else { 0.0 };
+                }
+            }
+        }
+    }
 }
 
 impl GuideRow {
     /// Planes of a row.
     pub(crate) fn planes(layout: &RowLayout) -> usize {
-        2 + 2 * layout.features.iter().filter(|present| **present).count()
+        1 + 2 * layout.features.iter().filter(|present| **present).count()
     }
 
     fn new(layout: &RowLayout) -> Self {
@@ -88,7 +103,6 @@ impl GuideRow {
         let feature = |k: usize| vec![0.0; if layout.features[k] { width } else { 0 }];
         Self {
             luminance: vec![0.0; width],
-            variance: vec![0.0; width],
             features: std::array::from_fn(feature),
             missing: [false; FEATURES],
             noisy: [const { 0..0 }; FEATURES],
@@ -96,21 +110,11 @@ impl GuideRow {
         }
     }
 
-    fn fill(&mut self, input: &InputRow, colours: &ColourRow, kind: VarianceKind) {
+    fn fill(&mut self, input: &InputRow, colours: &ColourRow) {
         self.luminance.fill(0.0);
         for plane in &colours.colour {
             for (sum, value) in self.luminance.iter_mut().zip(plane) {
                 *sum += value.abs() / 3.0;
-            }
-        }
-        self.variance.fill(0.0);
-        if kind != VarianceKind::Estimated {
-            for (variances, values) in input.variance.iter().zip(&colours.colour) {
-                let pixels = variances.iter().zip(values).zip(&colours.good);
-                for (sum, ((&variance, &value), good)) in self.variance.iter_mut().zip(pixels) {
-                    let checked = checked_variance(variance, value);
-                    *sum += if *good != 0.0 { checked } else { 0.0 };
-                }
             }
         }
         for feature in Feature::ALL {
@@ -197,9 +201,9 @@ impl HeldRows {
     pub(crate) fn push(&mut self, input: &InputRow) {
         let layout = &self.layout;
         let colours = self.colours.push(|| ColourRow::new(layout));
-        colours.fill(input);
+        colours.fill(input, layout.variance);
         let guides = self.guides.push(|| GuideRow::new(layout));
-        guides.fill(input, colours, layout.variance);
+        guides.fill(input, colours);
     }
 
     /// Lets go of the colours before row `colours` and of the rest before row `guides`.
@@ -219,8 +223,8 @@ impl HeldRows {
     }
 
     /// Row `y`, to fill in variances: those of bad pixels are to stay 0.
-    pub(crate) fn variances_mut(&mut self, y: usize) -> (&mut GuideRow, &ColourRow) {
-        (self.guides.row_mut(y), self.colours.row(y))
+    pub(crate) fn variances_mut(&mut self, y: usize) -> (&mut GuideRow, &mut ColourRow) {
+        (self.guides.row_mut(y), self.colours.row_mut(y))
     }
 
     /// Feature `k` of row `y` from column `x` on, as [`Self::feature`] has it; zeros if the image has none.

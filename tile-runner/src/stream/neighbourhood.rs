@@ -114,7 +114,7 @@ impl Neighbourhood<'_> {
 /// A row of the image as cells read it.
 pub(crate) struct PixelRow<'a> {
     pub(crate) colours: &'a ColourRow,
-    prepared: &'a PreparedRow,
+    pub(crate) prepared: &'a PreparedRow,
 }
 
 impl PixelRow<'_> {
