@@ -18,8 +18,9 @@ use crate::images::noise;
 pub const CELL: usize = 19;
 
 /// Rows and columns around a pixel, beyond which nothing is read for it: it lies at the rim of a tile (36), whose farthest pixel
-/// was prepared from 10 more, whose variances were estimated from 6 more, which may be fireflies by 4 more.
-pub const REACH: usize = 36 + 10 + 6 + 4;
+/// was prepared from 10 more, whose variances were estimated from 6 more, which may be fireflies by 4 more; after the blend it is smoothed with
+/// pixels 3 and 12 away and what those are weighed by (3 more), cleared of specks beside 1 and lit by 16.
+pub const REACH: usize = 36 + 10 + 6 + 4 + (3 + 12 + 3) + 1 + 16;
 
 /// An image and, where it was made here, what it would be without noise.
 #[derive(Clone, Debug)]

@@ -13,7 +13,7 @@ use crate::block::median::medians_3x3;
 use crate::block::plane::{
     BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane, BlockRow, columns,
 };
-use crate::float::{exp2_parts, log2_parts, round_to_u32};
+use crate::float::{exp2_parts, fine_reciprocal_sqrt, log2_parts, round_to_u32};
 
 /// Pixels around a block that its weights read: the half-width of the log-average, and one more for the mean below it.
 pub const WEIGHTS_HALO: usize = LOG_AVERAGE_RADIUS + 1;
@@ -95,6 +95,16 @@ impl WeightBlock {
         variance: [[0.0; BLOCK_COLUMNS]; BLOCK_HEIGHT],
         tolerance: [[0.0; BLOCK_COLUMNS]; BLOCK_HEIGHT],
     };
+}
+
+/// The level of radiance around a pixel whose [`weight`](WeightBlock::weight) is `weight = 1 / (4 G^2)`: G; 0 where the weight is 0.
+#[inline(always)]
+pub fn level_of(weight: f32) -> f32 {
+    if weight >= f32::MIN_POSITIVE {
+        0.5 * fine_reciprocal_sqrt(weight)
+    } else {
+        0.0
+    }
 }
 
 /// Computes a block. Takes some 25 KiB of stack.

@@ -67,7 +67,7 @@ impl Fireflies {
             }
         });
         let (colours, guides) = held.row_mut(self.next);
-        let variance = self.stated.then_some(guides.variance.as_slice());
+        let variance = self.stated.then_some(colours.variance.as_slice());
         find_fireflies(&around, variance, &mut colours.firefly);
         for x in 0..self.size.width() {
             if colours.firefly[x] {

@@ -15,7 +15,7 @@ const LARGEST: f32 = 1e15;
 /// Depths from here on are what renderers write where a ray leaves the scene.
 const NO_SURFACE: f32 = 1e9;
 
-/// What cells read of a row.
+/// What cells, and the stages after them, read of a row.
 pub(crate) struct ColourRow {
     /// Radiance, 0 where the pixel is bad.
     pub(crate) colour: [Vec<f32>; 3],
@@ -23,6 +23,8 @@ pub(crate) struct ColourRow {
     pub(crate) good: Vec<f32>,
     /// Which pixels are fireflies.
     pub(crate) firefly: Vec<bool>,
+    /// Variance of the mean, summed over the channels, 0 where the pixel is bad.
+    pub(crate) variance: Vec<f32>,
     /// Extra layers, 0 where not finite and where the pixel is bad: what a layer holds there is no better.
     pub(crate) layers: Vec<[Vec<f32>; 3]>,
 }
@@ -31,8 +33,6 @@ pub(crate) struct ColourRow {
 pub(crate) struct GuideRow {
     /// Mean magnitude of the channels, 0 where the pixel is bad.
     pub(crate) luminance: Vec<f32>,
-    /// Variance of the mean, summed over the channels, 0 where the pixel is bad.
-    pub(crate) variance: Vec<f32>,
     /// Features; NaN where missing, empty if the image has none.
     pub(crate) features: [Vec<f32>; FEATURES],
     /// Whether some pixel misses the feature.
@@ -47,7 +47,7 @@ impl ColourRow {
     /// Bytes of `rows` rows.
     pub(crate) fn bytes(layout: &RowLayout, rows: usize) -> u64 {
         let flags = (layout.size.width() as u64).saturating_mul(rows as u64);
-        plane_bytes(layout.size, rows, 4 + 3 * layout.layers).saturating_add(flags)
+        plane_bytes(layout.size, rows, 5 + 3 * layout.layers).saturating_add(flags)
     }
 
     fn new(layout: &RowLayout) -> Self {
@@ -56,13 +56,14 @@ impl ColourRow {
             colour: std::array::from_fn(|_| plane()),
             good: plane(),
             firefly: vec![false; layout.size.width()],
+            variance: plane(),
             layers: (0..layout.layers)
                 .map(|_| std::array::from_fn(|_| plane()))
                 .collect(),
         }
     }
 
-    fn fill(&mut self, input: &InputRow) {
+    fn fill(&mut self, input: &InputRow, kind: VarianceKind) {
         self.firefly.fill(false);
         for x in 0..self.good.len() {
             let colour: [f32; 3] = std::array::from_fn(|c| input.colour[c][x]);
@@ -72,6 +73,7 @@ impl ColourRow {
                 plane[x] = if good { value } else { 0.0 };
             }
         }
+        self.fill_variance(input, kind);
         for (own, layer) in self.layers.iter_mut().zip(&input.layers) {
             for (own, plane) in own.iter_mut().zip(layer) {
                 for ((own, &value), good) in own.iter_mut().zip(plane).zip(&self.good) {
@@ -82,9 +84,22 @@ impl ColourRow {
         }
     }
 
+    fn fill_variance(&mut self, input: &InputRow, kind: VarianceKind) {
+        self.variance.fill(0.0);
+        if kind != VarianceKind::Estimated {
+            let noisy = |c: usize| input.variance[c].iter().zip(&self.colour[c]);
+            let channels = noisy(0).zip(noisy(1)).zip(noisy(2)).zip(&self.good);
+            for (own, (((red, green), blue), good)) in self.variance.iter_mut().zip(channels) {
+                let checked = [red, green, blue].map(|(v, value)| checked_variance(*v, *value));
+                let sum = unordered_sum(checked);
+                *own = if *good != 0.0 { sum } else { 0.0 };
+            }
+        }
+    }
+
     /// Makes the pixel in column `x` a bad one.
     pub(crate) fn spoil(&mut self, x: usize) {
-        self.good[x] = 0.0;
+        (self.good[x], self.variance[x]) = (0.0, 0.0);
         let layers = self.layers.iter_mut().flatten();
         for plane in self.colour.iter_mut().chain(layers) {
             plane[x] = 0.0;
@@ -96,7 +111,7 @@ impl GuideRow {
     /// Bytes of `rows` rows.
     pub(crate) fn bytes(layout: &RowLayout, rows: usize) -> u64 {
         let features = layout.features.iter().filter(|present| **present).count();
-        plane_bytes(layout.size, rows, 2 + 2 * features)
+        plane_bytes(layout.size, rows, 1 + 2 * features)
     }
 
     fn new(layout: &RowLayout) -> Self {
@@ -104,7 +119,6 @@ impl GuideRow {
         let feature = |k: usize| vec![0.0; if layout.features[k] { width } else { 0 }];
         Self {
             luminance: vec![0.0; width],
-            variance: vec![0.0; width],
             features: std::array::from_fn(feature),
             missing: [false; FEATURES],
             noisy: [const { 0..0 }; FEATURES],
@@ -112,21 +126,11 @@ impl GuideRow {
         }
     }
 
-    fn fill(&mut self, input: &InputRow, colours: &ColourRow, kind: VarianceKind) {
+    fn fill(&mut self, input: &InputRow, colours: &ColourRow) {
         let [red, green, blue] = &colours.colour;
         let values = red.iter().zip(green).zip(blue);
         for (own, ((red, green), blue)) in self.luminance.iter_mut().zip(values) {
             *own = unordered_sum([red.abs(), green.abs(), blue.abs()]) / 3.0;
-        }
-        self.variance.fill(0.0);
-        if kind != VarianceKind::Estimated {
-            let noisy = |c: usize| input.variance[c].iter().zip(&colours.colour[c]);
-            let channels = noisy(0).zip(noisy(1)).zip(noisy(2)).zip(&colours.good);
-            for (own, (((red, green), blue), good)) in self.variance.iter_mut().zip(channels) {
-                let checked = [red, green, blue].map(|(v, value)| checked_variance(*v, *value));
-                let sum = unordered_sum(checked);
-                *own = if *good != 0.0 { sum } else { 0.0 };
-            }
         }
         for feature in Feature::ALL {
             let limit = match feature.is_distance() {
@@ -142,7 +146,6 @@ impl GuideRow {
     /// Makes the pixel in column `x` a bad one; its features stay.
     pub(crate) fn spoil(&mut self, x: usize) {
         self.luminance[x] = 0.0;
-        self.variance[x] = 0.0;
     }
 
     /// Feature `k`, which counts as 0 without noise where its magnitude reaches `limit`.
@@ -227,9 +230,9 @@ impl HeldRows {
     pub(crate) fn push(&mut self, input: &InputRow) {
         let layout = &self.layout;
         let colours = self.colours.push(|| ColourRow::new(layout));
-        colours.fill(input);
+        colours.fill(input, layout.variance);
         let guides = self.guides.push(|| GuideRow::new(layout));
-        guides.fill(input, colours, layout.variance);
+        guides.fill(input, colours);
     }
 
     /// Lets go of the colours before row `colours` and of the rest before row `guides`.
@@ -254,8 +257,8 @@ impl HeldRows {
     }
 
     /// Row `y`, to fill in variances: those of bad pixels are to stay 0.
-    pub(crate) fn variances_mut(&mut self, y: usize) -> (&mut GuideRow, &ColourRow) {
-        (self.guides.row_mut(y), self.colours.row(y))
+    pub(crate) fn variances_mut(&mut self, y: usize) -> (&mut GuideRow, &mut ColourRow) {
+        (self.guides.row_mut(y), self.colours.row_mut(y))
     }
 
     /// Feature `k` of row `y` from column `x` on, as [`Self::feature`] has it; zeros if the image has none.

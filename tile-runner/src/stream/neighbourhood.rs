@@ -179,7 +179,7 @@ fn store_feature(
 /// A row of the image as cells read it.
 pub(crate) struct PixelRow<'a> {
     pub(crate) colours: &'a ColourRow,
-    prepared: &'a PreparedRow,
+    pub(crate) prepared: &'a PreparedRow,
 }
 
 impl PixelRow<'_> {

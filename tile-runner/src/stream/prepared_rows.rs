@@ -296,7 +296,7 @@ impl Source<'_> {
             let y = self.y + row as isize - WEIGHTS_HALO as isize;
             let (colours, guides) = (self.held.colours(y), self.held.guides(y));
             copy_clamped(&guides.luminance, first, &mut block.luminance[row][..WIDTH]);
-            copy_clamped(&guides.variance, first, &mut block.variance[row][..WIDTH]);
+            copy_clamped(&colours.variance, first, &mut block.variance[row][..WIDTH]);
             copy_clamped(&colours.good, first, &mut block.good[row][..WIDTH]);
         }
     }

@@ -114,7 +114,7 @@ impl Findings {
     }
 
     fn add_colours(&mut self, around: &Neighbourhood, y: usize) {
-        let variances = &around.held.guides(y as isize).variance;
+        let variances = &around.held.colours(y as isize).variance;
         let row = around.row(y);
         for (x, variance) in variances.iter().enumerate() {
             let pixel = row.pixel::<0>(x);
