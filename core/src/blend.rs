@@ -5,7 +5,8 @@ use crate::params::Formulas;
 use crate::tile::{Pixel, PixelState, TILE_AREA};
 
 /// Confidence in a pixel's own radiance beside its predictions, as a part of [`confidence`] in one that is off by the pixel's variance.
-const OWN_CONFIDENCE: f32 = 0.1;
+/// (measured: 0.1 and 0.2 alike).
+const OWN_CONFIDENCE: f32 = 0.2;
 
 /// Added to a local error, in units of the pixel's variance, before a confidence is made of it: an estimate from nine noisy
 /// pixels knows no better (measured: 0.2 to 1 alike).
@@ -120,7 +121,8 @@ pub struct Denoised {
 
 /// Combines a pixel's predictions with its own radiance.
 ///
-/// A clean pixel comes out as it went in. A bad one is its predictions' mean, or 0 where there are none.
+/// A clean pixel comes out as it went in. A bad one is its predictions' mean, or 0 where there are none. No channel that came without
+/// negative radiance leaves with it, but by the papers' formulas.
 #[inline(always)]
 pub fn resolve<const D: usize>(pixel: &Pixel<D>, sum: &Sum, formulas: Formulas) -> Denoised {
     let own = own_confidence(pixel, sum, formulas);
@@ -135,7 +137,9 @@ pub fn resolve<const D: usize>(pixel: &Pixel<D>, sum: &Sum, formulas: Formulas) 
     }
     let mut colour = [0.0; 3];
     for ((colour, sum), y) in colour.iter_mut().zip(&sum.colour).zip(&pixel.colour) {
-        *colour = mean(*sum, own, *y, total);
+        let value = mean(*sum, own, *y, total);
+        let below = formulas == Formulas::Robust && *y >= 0.0 && value < 0.0;
+        *colour = if below { 0.0 } else { value };
     }
     Denoised {
         colour,

@@ -10,12 +10,16 @@
 //!
 //! | | unit | function |
 //! |---|---|---|
+//! | pixels that one sample made far too bright, to be left out like those that are not finite | row | [`find_fireflies`] |
 //! | variances, where the renderer gave none | block | [`estimate_colour_noise`], [`estimate_feature_noise`] |
 //! | a weight for each sample, its variance, and how far a prediction may be from it | block | [`weigh_samples`] |
 //! | features without their noise | block | [`prefilter`] |
 //! | predictions by models, each fitted to the window around its centre | tile | [`denoise_cells`], or [`denoise_cell`] for one alone |
 //! | the predictions of all cells that reach a pixel, added up | pixel | [`Sum::add`] |
 //! | their mean | pixel | [`resolve`], and [`resolve_layer`] for the layers that follow |
+//! | grain smoothed, twice | row | [`weigh_pixels`], [`smooth`] |
+//! | specks taken out | row | [`despeckle`] |
+//! | light that was lost given back | row | [`compare_light`], [`find_factors`] |
 //!
 //! A **block** is [`BLOCK_WIDTH`] x [`BLOCK_HEIGHT`] pixels with a halo of each function's own ([`WEIGHTS_HALO`], [`PREFILTER_HALO`],
 //! [`NOISE_HALO`]). A **cell** is [`CELL`] x [`CELL`] pixels; with the [`HALO`] around it that its windows read it is a [`Tile`].
@@ -67,6 +71,7 @@ mod block;
 mod cell;
 mod eigen;
 mod features;
+mod finish;
 mod float;
 mod lanes;
 mod least_squares;
@@ -77,19 +82,32 @@ pub use blend::{Denoised, LayerTile, Predictions, Sum, resolve, resolve_layer};
 pub use block::estimate_noise::{
     NOISE_HALO, NoiseBlock, NoisePlane, NoisyBlock, estimate_colour_noise, estimate_feature_noise,
 };
+pub use block::fireflies::{FIREFLY_HALO, FIREFLY_ROWS, find_fireflies};
 pub use block::plane::{BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane};
 pub use block::prefilter::{FeatureGroup, FeaturePlane, FilteredGroup, PREFILTER_HALO, prefilter};
-pub use block::weights::{ColourBlock, ColourPlane, WEIGHTS_HALO, WeightBlock, weigh_samples};
+pub use block::weights::{
+    ColourBlock, ColourPlane, WEIGHTS_HALO, WeightBlock, level_of, weigh_samples,
+};
 pub use cell::denoise_cells;
 pub use cell::feature_space::MAX_TERMS;
 pub use cell::lent::{Cells, Scratch};
 pub use cell::one_cell::denoise_cell;
 pub use eigen::SymmetricEigen;
 pub use features::{FEATURE_NAMES, FEATURES, Feature, POSITION, TILE_FEATURES};
+pub use finish::despeckle::{DESPECKLE_RADIUS, DESPECKLE_SPAN, SpeckRow, despeckle};
+pub use finish::restore::{
+    LIGHT_PLANES, LitRow, RESTORE_RADIUS, RESTORE_SPAN, compare_light, find_factors,
+};
+pub use finish::smooth::{
+    ComparedRow, ERROR_RADIUS, ERROR_SPAN, MEAN_RADIUS, MEAN_SPAN, Precisions, SMOOTH_RADIUS,
+    SMOOTH_SPAN, SMOOTHINGS, Smoothing, Surroundings, smooth, weigh_pixels,
+};
+pub use finish::{FINISH_PADDING, FinishedPlane, finish_columns};
 pub use least_squares::normal_equations::{Gram, NormalEquations, NotFinite, Solution};
 pub use least_squares::prior::Prior;
 pub use least_squares::rls::{Rls, Taken};
 pub use params::{Formulas, Params, Quality};
 pub use tile::{
-    CELL, CHANNELS, HALO, Pixel, PixelState, RADIUS, TILE, TILE_AREA, Tile, WINDOW_AREA,
+    CELL, CHANNELS, FeatureSet, HALO, Pixel, PixelState, RADIUS, SETS, TILE, TILE_AREA, Tile,
+    WINDOW_AREA,
 };

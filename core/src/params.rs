@@ -46,6 +46,8 @@ pub struct Params {
     pub gradient_strength: f32,
     /// Strength with which a model's intercept is pulled to the centre's radiance, in pixels of the window.
     pub intercept_strength: f32,
+    /// Whether models differ in the features that they see: prefiltered, smoothed more, as rendered.
+    pub vary_features: bool,
     /// Which formulas.
     pub formulas: Formulas,
 }
@@ -61,8 +63,9 @@ impl Params {
         Self {
             coverage,
             truncation: 0.75,
-            gradient_strength: 0.02,
+            gradient_strength: 0.006,
             intercept_strength: 1e-3,
+            vary_features: !matches!(quality, Quality::Fast),
             formulas: Formulas::Robust,
         }
     }
@@ -74,6 +77,7 @@ impl Params {
             truncation: 1.0,
             gradient_strength: 1e-3,
             intercept_strength: 1e-3,
+            vary_features: false,
             formulas: Formulas::Literal,
         }
     }
@@ -103,6 +107,13 @@ impl Params {
     #[must_use]
     pub const fn with_intercept_strength(mut self, strength: f32) -> Self {
         self.intercept_strength = strength;
+        self
+    }
+
+    /// The same with or without [`vary_features`](Self::vary_features).
+    #[must_use]
+    pub const fn with_vary_features(mut self, vary: bool) -> Self {
+        self.vary_features = vary;
         self
     }
 

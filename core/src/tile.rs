@@ -27,7 +27,7 @@ pub enum PixelState {
     Clean,
     /// Predicted, and read by fits.
     Noisy,
-    /// Its colour is not finite: predicted by its neighbours' models, and never read by a fit.
+    /// Its colour is not finite, or one sample's alone: predicted by its neighbours' models, and never read by a fit.
     Bad,
 }
 
@@ -71,6 +71,29 @@ pub struct Tile<const D: usize> {
     pub pixels: [Pixel<D>; TILE_AREA],
     /// Variance that each pixel's features have kept, in the square of their units; 0 for the position.
     pub feature_variance: [[f32; D]; TILE_AREA],
+    /// The same features otherwise: smoothed more, and as rendered. Models that differ in what they see are wrong in different places.
+    pub otherwise: [FeatureSet<D>; SETS - 1],
+    /// Whether `otherwise` holds features. If not, every model sees those of `pixels`.
+    pub sets_differ: bool,
+}
+
+/// Sets of features that models are shared out over: prefiltered, smoothed more, as rendered.
+pub const SETS: usize = 3;
+
+/// The features of a tile's pixels, position included, and the variance left in them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FeatureSet<const D: usize> {
+    /// Features, as [`Pixel::features`].
+    pub value: [[f32; D]; TILE_AREA],
+    /// Variance, as [`Tile::feature_variance`].
+    pub variance: [[f32; D]; TILE_AREA],
+}
+
+impl<const D: usize> FeatureSet<D> {
+    const EMPTY: Self = Self {
+        value: [[0.0; D]; TILE_AREA],
+        variance: [[0.0; D]; TILE_AREA],
+    };
 }
 
 impl<const D: usize> Tile<D> {
@@ -78,11 +101,32 @@ impl<const D: usize> Tile<D> {
     pub const EMPTY: Self = Self {
         pixels: [Pixel::OUTSIDE; TILE_AREA],
         feature_variance: [[0.0; D]; TILE_AREA],
+        otherwise: [const { FeatureSet::EMPTY }; SETS - 1],
+        sets_differ: false,
     };
 
     /// The pixel at `y * TILE + x`; beyond the tile, one outside the image.
     #[inline(always)]
     pub(crate) fn pixel_at(&self, position: usize) -> &Pixel<D> {
         self.pixels.get(position).unwrap_or(&Pixel::OUTSIDE)
+    }
+
+    /// The features of set `set` at `y * TILE + x`; beyond the tile, those of [`pixel_at`](Self::pixel_at).
+    #[inline(always)]
+    pub(crate) fn features_at(&self, set: usize, position: usize) -> &[f32; D] {
+        let otherwise = set.checked_sub(1).and_then(|set| self.otherwise.get(set));
+        match otherwise.and_then(|features| features.value.get(position)) {
+            Some(features) => features,
+            None => &self.pixel_at(position).features,
+        }
+    }
+
+    /// The variances of set `set`.
+    #[inline(always)]
+    pub(crate) fn variance_of(&self, set: usize) -> &[[f32; D]; TILE_AREA] {
+        match set.checked_sub(1).and_then(|set| self.otherwise.get(set)) {
+            Some(features) => &features.variance,
+            None => &self.feature_variance,
+        }
     }
 }

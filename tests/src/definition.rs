@@ -32,7 +32,11 @@ pub struct Window {
     z: Vec<Vec<f64>>,
     radiance_scale: f64,
     params: Params,
-    /// Directions kept.
+    /// Directions kept, by feature, in the unit of the features' range.
+    axes: DMatrix<f64>,
+    /// Variance left in each feature in that unit, mean over the valid pixels.
+    feature_noise: Vec<f64>,
+    /// How many directions are kept.
     pub rank: usize,
     /// The factor, above 1, between the threshold and the singular value nearest to it.
     pub clearance: f64,
@@ -98,6 +102,8 @@ impl Window {
             z: Vec::new(),
             radiance_scale: heaviest.sqrt(),
             params,
+            axes: DMatrix::zeros(FEATURES, 0),
+            feature_noise: vec![0.0; FEATURES],
             rank: 0,
             clearance: 0.0,
             truncated: false,
@@ -137,7 +143,9 @@ impl Window {
             }
             for &i in &valid {
                 let variance = tile.feature_variance[self.samples[i].position][j];
-                noise += f64::from(variance) * scale * scale;
+                let mapped = f64::from(variance) * scale * scale;
+                noise += mapped;
+                self.feature_noise[j] += mapped / valid.len() as f64;
             }
         }
         let mut centred = mapped.select_rows(&valid);
@@ -160,7 +168,8 @@ impl Window {
         self.clearance = distances.fold(f64::INFINITY, f64::min);
         let moving = gramian.eigenvalues.iter().filter(|v| **v > 1e-8 * largest);
         self.truncated = moving.count() > self.rank;
-        let local = mapped * gramian.eigenvectors.select_columns(&order);
+        self.axes = gramian.eigenvectors.select_columns(&order);
+        let local = mapped * &self.axes;
         self.z = local
             .row_iter()
             .map(|row| std::iter::once(1.0).chain(row.iter().copied()).collect())
@@ -328,14 +337,17 @@ impl Window {
         let unit = self.radiance_scale;
         let own_variance = (model.terms as f64 / pixels as f64).min(1.0);
         let expected = self.mean_distance(&predicted);
+        let printed = self.printed_variance(model);
         (0..pixels)
             .map(|i| {
                 let sample = &self.samples[i];
-                let bias = self.bias_around(i, &predicted, expected);
+                let noise = sample.variance * sample.weight + 1e-6;
+                let bias =
+                    self.bias_around(i, &predicted, expected) + printed * sample.weight / noise;
                 let ring = (0..).find(|&r| i < pixels_within(r)).unwrap_or(0);
                 let agreement = if sample.valid() {
                     let squared = distance(&predicted[i], &sample.y);
-                    1.0 / (1.0 + squared / (2.25 * sample.tolerance + f64::from(f32::MIN_POSITIVE)))
+                    1.0 / (1.0 + squared / (4.0 * sample.tolerance + f64::from(f32::MIN_POSITIVE)))
                 } else {
                     1.0
                 };
@@ -343,6 +355,7 @@ impl Window {
                     position: sample.position,
                     colour: predicted[i].map(|v| v / unit),
                     weight: match self.params.formulas {
+                        Formulas::Robust if self.goes_below(i, &predicted[i]) => 0.0,
                         Formulas::Robust => {
                             let edge = ring as f64 / (model.radius + 1) as f64;
                             agreement * (1.0 - 0.5 * edge * edge) * (bias + 0.5).powf(-1.5)
@@ -356,14 +369,35 @@ impl Window {
             .collect()
     }
 
-    /// Mean over the valid 3 x 3 and 10 pixels that are as expected of squared error in units of variance, less 1.
+    /// Whether a prediction is negative by more than a tenth of its magnitudes where its pixel is nowhere negative.
+    fn goes_below(&self, i: usize, predicted: &[f64; 3]) -> bool {
+        let least = predicted.iter().copied().fold(f64::INFINITY, f64::min);
+        let magnitudes: f64 = predicted.iter().map(|v| v.abs()).sum();
+        self.samples[i].y.iter().all(|y| *y >= 0.0) && least < -0.1 * magnitudes
+    }
+
+    /// Variance that the features' noise prints into a model's predictions, summed over the channels.
+    fn printed_variance(&self, model: &Model) -> f64 {
+        let channels = model.beta.iter().map(|beta| {
+            let features = self.feature_noise.iter().enumerate().map(|(j, noise)| {
+                let slope: f64 = (0..self.rank)
+                    .map(|k| self.axes[(j, k)] * beta[k + 1])
+                    .sum();
+                slope * slope * noise
+            });
+            features.sum::<f64>()
+        });
+        channels.sum()
+    }
+
+    /// Mean over the valid 3 x 3 and 25 pixels that are as expected of squared error in units of variance, less 1.
     fn bias_around(&self, i: usize, predicted: &[[f64; 3]], expected: f64) -> f64 {
         let offsets = ring_order();
         let near = (0..predicted.len()).filter(|&k| {
             let ((ax, ay), (bx, by)) = (offsets[i], offsets[k]);
             self.samples[k].valid() && (ax - bx).abs() <= 1 && (ay - by).abs() <= 1
         });
-        let (mut sum, mut count) = (10.0 * expected, 10.0);
+        let (mut sum, mut count) = (25.0 * expected, 25.0);
         for k in near {
             sum += self.relative_distance(k, &predicted[k]);
             count += 1.0;

@@ -18,8 +18,9 @@ use crate::images::noise;
 pub const CELL: usize = 19;
 
 /// Rows and columns around a pixel, beyond which nothing is read for it: it lies at the rim of a tile (36), whose farthest pixel
-/// was prepared from 10 more, whose variances were estimated from 6 more.
-pub const REACH: usize = 36 + 10 + 6;
+/// was prepared from 10 more, whose variances were estimated from 6 more, which may be fireflies by 4 more; after the blend it is smoothed with
+/// pixels 3 and 12 away and what those are weighed by (3 more), cleared of specks beside 1 and lit by 16.
+pub const REACH: usize = 36 + 10 + 6 + 4 + (3 + 12 + 3) + 1 + 16;
 
 /// An image and, where it was made here, what it would be without noise.
 #[derive(Clone, Debug)]
@@ -226,6 +227,54 @@ impl Frame {
             let variances = row.variance.iter_mut().chain(&mut row.feature_variances);
             variances.for_each(|plane| set(plane, 0.0));
         }
+    }
+
+    /// Makes the pixel at (x, y) a firefly: radiance `value` by one sample alone, which is how large its standard deviation then is.
+    pub fn add_firefly(&mut self, (x, y): (usize, usize), value: f32) {
+        let row = &mut self.rows[y];
+        row.colour.iter_mut().for_each(|plane| plane[x] = value);
+        if self.layout.variance != VarianceKind::Estimated {
+            let planes = row.variance.iter_mut();
+            planes.for_each(|plane| plane[x] = value * value);
+        }
+    }
+
+    /// Which pixels are fireflies, row after row, by the definition.
+    pub fn fireflies(&self) -> Vec<bool> {
+        let (width, height) = (self.width(), self.height());
+        let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        pixels.map(|(x, y)| self.is_firefly(x, y)).collect()
+    }
+
+    /// Mean magnitude of the channels, and the variance of the mean summed over them; 0 where the pixel is bad.
+    fn luminance(&self, x: usize, y: usize) -> (f64, f64) {
+        let row = &self.rows[y];
+        let colour = row.colour.each_ref().map(|plane| f64::from(plane[x]));
+        if colour.iter().any(|v| v.is_nan() || v.abs() > 1e15) {
+            return (0.0, 0.0);
+        }
+        let variance = row.variance.iter().map(|plane| f64::from(plane[x])).sum();
+        (colour.iter().map(|v| v.abs()).sum::<f64>() / 3.0, variance)
+    }
+
+    fn is_firefly(&self, x: usize, y: usize) -> bool {
+        let (own, variance) = self.luminance(x, y);
+        let around = |radius: usize| -> Vec<f64> {
+            let rows = y.saturating_sub(radius)..self.height().min(y + radius + 1);
+            let columns = x.saturating_sub(radius)..self.width().min(x + radius + 1);
+            let pixels = rows.flat_map(|y| columns.clone().map(move |x| (x, y)));
+            let others = pixels.filter(|other| *other != (x, y));
+            let mut values: Vec<f64> = others.map(|(x, y)| self.luminance(x, y).0).collect();
+            values.sort_by(f64::total_cmp);
+            values
+        };
+        let stated = self.layout.variance != VarianceKind::Estimated;
+        let near = around(2);
+        let level = near.iter().rev().nth(usize::from(stated));
+        let level = level.copied().unwrap_or(0.0);
+        let rivals = around(4).iter().filter(|v| 8.0 * **v >= own).count();
+        let noise = !stated || (own - level).powi(2) < 3.0 * variance;
+        level > 0.0 && own > 8.0 * level && rivals <= 1 && noise
     }
 
     /// Surveys it on several threads.

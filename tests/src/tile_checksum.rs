@@ -216,7 +216,7 @@ fn filter_group<const N: usize>(
             }
         }
     }
-    prefilter(input, output);
+    prefilter(input, output, None);
     for_block(tile, x, y, |pixel, variance, row, column| {
         let own = pixel.features.iter_mut().zip(variance);
         for (c, (value, variance)) in own.skip(feature).take(N).enumerate() {

@@ -57,6 +57,9 @@ pub const RECONSTRUCTION: f64 = 64.0 * f32::EPSILON as f64;
 /// within 3e-7, sums of some fifty floats.
 pub const BLOCK: f64 = 1e-5;
 
+/// Smoothed pixels, cleared pixels and factors of light, relative: eighth powers of sums of some twenty products, and sums of a thousand floats.
+pub const FINISH: f64 = 2e-5;
+
 /// A denoised frame at an exposure that is no power of two, relative to its brightest pixel: radiances are rounded, and so is the local
 /// level, a mean of logarithms. Seen: 4.4e-7.
 pub const EXPOSURE: f64 = 4e-6;
@@ -99,6 +102,10 @@ pub const CONSTANT_CELL: f64 = 1e-5;
 /// models whose mean is better than each. Seen: 1.1 to 2.5 for noise of a tenth of the radiance, 1.4 to 3.4 for a third, 2.0 to
 /// 5.9 for as much as the radiance.
 pub const ERROR_ESTIMATE: std::ops::RangeInclusive<f64> = 0.7..=8.0;
+
+/// Light of a denoised frame over that of its input, under noise as strong as the light: the noise of five thousand pixels' mean is 0.007 of
+/// it, and what the last stage gives back is a fraction of what is lost.
+pub const FRAME_ENERGY: std::ops::RangeInclusive<f64> = 0.97..=1.03;
 
 /// Whether two numbers are within `tolerance` of each other; never if one is NaN.
 pub fn close(a: f64, b: f64, tolerance: f64) -> bool {

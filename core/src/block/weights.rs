@@ -13,7 +13,7 @@ use crate::block::median::medians_3x3;
 use crate::block::plane::{
     BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane, BlockRow, columns,
 };
-use crate::float::{exp2_parts, log2_parts, round_to_u32};
+use crate::float::{exp2_parts, fine_reciprocal_sqrt, log2_parts, round_to_u32};
 
 /// Pixels around a block that its weights read: the half-width of the log-average, and one more for the mean below it.
 pub const WEIGHTS_HALO: usize = LOG_AVERAGE_RADIUS + 1;
@@ -22,8 +22,10 @@ pub const WEIGHTS_HALO: usize = LOG_AVERAGE_RADIUS + 1;
 /// et al. 2002), here a local one.
 const LOG_AVERAGE_RADIUS: usize = 9;
 const LOG_AVERAGE_SPAN: usize = 2 * LOG_AVERAGE_RADIUS + 1;
-/// Weight of the squared log-average beside a pixel's own squared radiance (measured: 1 to 10 alike).
-const LOG_AVERAGE_SHARE: f32 = 3.0;
+/// A pixel weighs one over this many squared log-averages. No fit depends on it; tolerances do, by way of [`WEIGHT_TOLERANCE`].
+const WEIGHT_SCALE: f32 = 4.0;
+/// Side of the squares whose mean variances say how noisy the surroundings are at least.
+const CORNER_SPAN: usize = 5;
 /// Relative error below which a prediction never disagrees with a pixel.
 const RELATIVE_TOLERANCE: f32 = 0.1;
 /// The same for the pixel's weight, as a part of 1 / weight.
@@ -68,16 +70,21 @@ impl ColourBlock {
 /// Weights, variances and tolerances of a block (see [`crate::Pixel`]).
 #[derive(Clone, Debug, PartialEq)]
 pub struct WeightBlock {
-    /// `1 / (L^2 + 3 G^2)`, L the mean luminance of the 3 x 3 pixels around, G the geometric mean of L over the 19 x 19 around;
-    /// 0 for a bad pixel and where all of those are black.
+    /// `1 / (4 G^2)`, G the geometric mean over the 19 x 19 pixels around of the mean luminance of the 3 x 3 around each; 0 for a bad
+    /// pixel and where all of those are black.
     ///
-    /// Noise is roughly proportional to radiance, and so is what the eye forgives; G keeps a dark pixel from
-    /// deciding a fit alone. There is no unit of radiance in it: exposure changes nothing.
+    /// It hardly changes within a window, and that is its merit: a weight that falls with a pixel's own radiance, or with its
+    /// neighbours', believes the pixels that came out dark, and light is lost (a window's mean by 5.6 % where the noise is as large as the
+    /// radiance). There is no unit of radiance in it: exposure changes nothing.
     pub weight: BlockPlane,
-    /// Mean of the variances of the 3 x 3 pixels around.
+    /// Mean of the variances of the 3 x 3 pixels around or, if larger, the least of the means over the four 5 x 5 that have the pixel
+    /// in a corner; 0 where those of the 3 x 3 are 0 and lit.
+    ///
+    /// In skewed noise a pixel that came out dark has a small variance, too; the wider means know better, and the least of them is not
+    /// taken in by a bright window on one side.
     pub variance: BlockPlane,
-    /// Squared distance within which a prediction agrees with the pixel: its variance or, if larger, the
-    /// median of those of the 3 x 3 around, and a tenth of the radiance.
+    /// Squared distance within which a prediction agrees with the pixel: the largest of its variance, the
+    /// median of those of the 3 x 3 around, their mean relative to the radiance and the least of the four wider means, and a tenth of the radiance.
     pub tolerance: BlockPlane,
 }
 
@@ -88,6 +95,16 @@ impl WeightBlock {
         variance: [[0.0; BLOCK_COLUMNS]; BLOCK_HEIGHT],
         tolerance: [[0.0; BLOCK_COLUMNS]; BLOCK_HEIGHT],
     };
+}
+
+/// The level of radiance around a pixel whose [`weight`](WeightBlock::weight) is `weight = 1 / (4 G^2)`: G; 0 where the weight is 0.
+#[inline(always)]
+pub fn level_of(weight: f32) -> f32 {
+    if weight >= f32::MIN_POSITIVE {
+        0.5 * fine_reciprocal_sqrt(weight)
+    } else {
+        0.0
+    }
 }
 
 /// Computes a block. Takes some 25 KiB of stack.
@@ -128,6 +145,7 @@ fn weigh_row(
     let shares = shares_3x3(&input.good, y + LOG_AVERAGE_RADIUS);
     let variances = means_3x3(&input.variance, y + LOG_AVERAGE_RADIUS, &shares);
     let variances: &BlockRow = columns(&variances, LOG_AVERAGE_RADIUS);
+    let corners = corner_means(input, y);
     let luminance = medians(&input.luminance, y);
     let spreads = medians(&input.variance, y);
     let own: &BlockRow = columns(&input.variance[y + WEIGHTS_HALO], WEIGHTS_HALO);
@@ -136,23 +154,71 @@ fn weigh_row(
     let tolerances = &mut output.tolerance[y];
     for x in 0..BLOCK_COLUMNS {
         let square = means[x] * means[x];
-        let scale = square + LOG_AVERAGE_SHARE * log_average[x] * log_average[x];
+        let scale = WEIGHT_SCALE * log_average[x] * log_average[x];
         let usable = scale > f32::MIN_POSITIVE && scale <= f32::MAX;
         weights[x] = if usable { good[x] / scale } else { 0.0 };
         // The noise around, relative to the radiance around: beside a bright edge its mean alone would excuse anything.
         let median = luminance[x];
         let noise = variances[x] / larger(square, f32::MIN_POSITIVE) * median * median;
-        let spread = larger(larger(spreads[x], own[x]), noise);
+        let spread = larger(larger(spreads[x], own[x]), larger(noise, corners[x]));
         let radiance = RELATIVE_TOLERANCE * median;
         tolerances[x] = spread + 3.0 * (radiance * radiance + WEIGHT_TOLERANCE * scale);
     }
-    output.variance[y] = *variances;
+    for x in 0..BLOCK_COLUMNS {
+        // All samples alike and not black: a light that is seen, not a light that was missed.
+        let exact = variances[x] == 0.0 && means[x] > 0.0;
+        let wide = larger(variances[x], corners[x]);
+        output.variance[y][x] = if exact { 0.0 } else { wide };
+    }
+}
+
+/// The least of the mean variances over the four 5 x 5 good pixels that have a pixel of row `y` of the block in a corner.
+#[inline(always)]
+fn corner_means(input: &ColourBlock, y: usize) -> BlockRow {
+    const REACH: usize = CORNER_SPAN - 1;
+    let mut least = [f32::MAX; BLOCK_COLUMNS];
+    for first in [y + WEIGHTS_HALO - REACH, y + WEIGHTS_HALO] {
+        let (sums, counts) = (
+            sums_5x5(&input.variance, first),
+            sums_5x5(&input.good, first),
+        );
+        let mut means = [0.0; BLOCK_COLUMNS + REACH];
+        for x in 0..BLOCK_COLUMNS + REACH {
+            means[x] = sums[x] / larger(counts[x], 1.0);
+        }
+        for x in 0..BLOCK_COLUMNS {
+            least[x] = smaller(least[x], smaller(means[x], means[x + REACH]));
+        }
+    }
+    least
+}
+
+/// Sums over the 5 x 5 pixels whose first row is `y`; the last column of the first of them is the block's first.
+#[inline(always)]
+fn sums_5x5(plane: &ColourPlane, y: usize) -> [f32; BLOCK_COLUMNS + CORNER_SPAN - 1] {
+    const FIRST: usize = WEIGHTS_HALO - (CORNER_SPAN - 1);
+    let mut down = [0.0; INPUT_COLUMNS];
+    for x in 0..INPUT_COLUMNS {
+        let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|k| plane[y + k][x]);
+        down[x] = (a + b) + (c + d) + e;
+    }
+    let mut sums = [0.0; BLOCK_COLUMNS + CORNER_SPAN - 1];
+    for x in 0..sums.len() {
+        let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|k| down[x + FIRST + k]);
+        sums[x] = (a + b) + (c + d) + e;
+    }
+    sums
 }
 
 /// Not `f32::max`, whose care for NaN costs.
 #[inline(always)]
 fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
+}
+
+#[inline(always)]
+fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
 }
 
 /// Medians of the 3 x 3 pixels around those of row `y` of the block.

@@ -64,7 +64,7 @@ fn build<F: Fit<T, D, L>, const T: usize, const D: usize, const L: usize>(
     let windows = &mut scratch.windows;
     let (models, fit) = F::fit(windows, &scratch.basis, params, layers > 0);
     let predicted = &mut scratch.predicted;
-    predicted.predict(&models, windows, params.formulas);
+    predicted.predict(&models, windows, &scratch.basis, params.formulas);
     for (lane, centre) in with_models(centres, &windows.live) {
         predicted.add_to(lane, centre, &models, cells.results(lane).0);
     }

@@ -2,7 +2,7 @@
 
 use crate::cell::rings::{Centre, Centres};
 use crate::lanes::Vector;
-use crate::tile::{CELL, RADIUS, TILE, Tile};
+use crate::tile::{CELL, RADIUS, SETS, TILE, Tile};
 
 /// Pixels along a window.
 const SPAN: usize = 2 * RADIUS + 1;
@@ -29,15 +29,13 @@ impl<const D: usize> FeatureNoise<D> {
         sums.unwrap_or(&[0.0; D])
     }
 
-    /// Computes the sums of a tile's cell.
+    /// Computes the sums of a tile's cell, over its set `set` of features.
     #[inline(always)]
-    pub(crate) fn fill(&mut self, tile: &Tile<D>) {
+    fn fill(&mut self, tile: &Tile<D>, set: usize) {
         *self = Self::NONE;
         let rows = tile.pixels.chunks_exact(TILE);
-        for (y, (pixels, own)) in rows
-            .zip(tile.feature_variance.chunks_exact(TILE))
-            .enumerate()
-        {
+        let variances = tile.variance_of(set).chunks_exact(TILE);
+        for (y, (pixels, own)) in rows.zip(variances).enumerate() {
             let mut variances = [[0.0; D]; TILE];
             let mut noisy = false;
             for ((variance, pixel), own) in variances.iter_mut().zip(pixels).zip(own) {
@@ -68,15 +66,28 @@ impl<const D: usize> FeatureNoise<D> {
     }
 }
 
+/// Computes the sums of a tile's cell over each of its sets of features.
+#[inline(always)]
+pub(crate) fn fill<const D: usize>(noise: &mut [FeatureNoise<D>; SETS], tile: &Tile<D>) {
+    let sets = if tile.sets_differ { SETS } else { 1 };
+    for (set, noise) in noise.iter_mut().enumerate().take(sets) {
+        noise.fill(tile, set);
+    }
+}
+
 /// The sums of the windows around the centres of several cells; 0 where there is none.
 #[inline(always)]
 pub(crate) fn around<const D: usize, const L: usize>(
-    cells: &[FeatureNoise<D>; L],
+    cells: &[[FeatureNoise<D>; SETS]; L],
     centres: &Centres<L>,
 ) -> Vector<D, L> {
     let mut sums = [[0.0; L]; D];
     for (lane, (noise, centre)) in cells.iter().zip(centres).enumerate() {
         let Some(centre) = *centre else { continue };
+        let Some(noise) = noise.get(usize::from(centre.set)) else {
+            debug_assert!(false, "there is no such set: {centre:?}");
+            continue;
+        };
         for (all, own) in sums.iter_mut().zip(noise.around(centre)) {
             if let Some(place) = all.get_mut(lane) {
                 *place = *own;

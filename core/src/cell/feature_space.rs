@@ -37,12 +37,15 @@ pub(crate) struct Basis<const D: usize, const L: usize> {
     pub(crate) axes: Matrix<D, L>,
     /// Directions kept.
     pub(crate) rank: [usize; L],
+    /// Variance left in each feature, mean over the window's valid pixels, in the unit of [`to_range`].
+    pub(crate) noise: Vector<D, L>,
 }
 
 impl<const D: usize, const L: usize> Basis<D, L> {
     pub(crate) const NONE: Self = Self {
         axes: [[[0.0; L]; D]; D],
         rank: [0; L],
+        noise: [[0.0; L]; D],
     };
 }
 
@@ -69,8 +72,13 @@ pub(crate) fn find_basis<const D: usize, const L: usize>(
     let mut noise = [0.0; L];
     for j in 0..D {
         for l in 0..L {
-            noise[l] += variances[j][l] * scale[j][l] * scale[j][l];
+            let sum = variances[j][l] * scale[j][l] * scale[j][l];
+            noise[l] += sum;
+            // 0 / 0 in a window without pixels.
+            let mean = sum / extent.pixels[l];
+            basis.noise[j][l] = if extent.pixels[l] > 0.0 { mean } else { 0.0 };
         }
+        lanes_stay_innermost();
     }
     let found = decorrelate(&mut gramian, CORRELATION);
     basis.axes = [[[0.0; L]; D]; D];

@@ -6,7 +6,7 @@ use crate::cell::feature_space::Basis;
 use crate::cell::placement::Placement;
 use crate::cell::prediction::PredictionWindows;
 use crate::cell::window::Windows;
-use crate::tile::Tile;
+use crate::tile::{SETS, Tile};
 
 /// Working memory of `L` cells of `D` features at a time, lent by the caller; its contents carry nothing from one cell
 /// to the next.
@@ -16,7 +16,7 @@ pub struct Scratch<const D: usize, const L: usize> {
     pub(crate) basis: Basis<D, L>,
     pub(crate) predicted: PredictionWindows<L>,
     pub(crate) placements: [Placement; L],
-    pub(crate) noise: [FeatureNoise<D>; L],
+    pub(crate) noise: [[FeatureNoise<D>; SETS]; L],
 }
 
 impl<const D: usize, const L: usize> Scratch<D, L> {
@@ -27,7 +27,7 @@ impl<const D: usize, const L: usize> Scratch<D, L> {
             basis: Basis::NONE,
             predicted: PredictionWindows::EMPTY,
             placements: [const { Placement::ENDED }; L],
-            noise: [const { FeatureNoise::NONE }; L],
+            noise: [const { [const { FeatureNoise::NONE }; SETS] }; L],
         }
     }
 

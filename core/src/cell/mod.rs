@@ -98,8 +98,8 @@ fn next_centre<const D: usize, const L: usize>(
         if !*more {
             return None;
         }
-        placement.start(cells.tile(lane), params.formulas);
-        noise.fill(cells.tile(lane));
+        placement.start(cells.tile(lane), params);
+        feature_noise::fill(noise, cells.tile(lane));
         *cells.results(lane).0 = Predictions::NONE;
     }
 }

@@ -5,6 +5,7 @@
     reason = "the loops follow the indices of the formulas"
 )]
 
+use crate::cell::feature_space::Basis;
 use crate::cell::window::Sample;
 use crate::lanes::{Lanes, Rgb, Vector, lanes_stay_innermost};
 use crate::tile::CHANNELS;
@@ -87,6 +88,34 @@ pub(crate) fn evaluate<const T: usize, const D: usize, const L: usize>(
         lanes_stay_innermost();
     }
     values
+}
+
+/// Variance that the features' noise prints into the predictions, `sum over channels and features of (V beta)^2 var`: what the renderer
+/// says of the features' noise times what the model makes of it, as if that of one feature knew nothing of another's.
+#[inline(always)]
+pub(crate) fn printed_variance<const T: usize, const D: usize, const L: usize>(
+    coefficients: &Coefficients<T, L>,
+    basis: &Basis<D, L>,
+) -> Lanes<L> {
+    let mut printed = [0.0; L];
+    for j in 0..D {
+        for c in 0..CHANNELS {
+            let mut slope = [0.0; L];
+            for t in 1..T {
+                if let Some(axis) = basis.axes[j].get(t - 1) {
+                    for l in 0..L {
+                        slope[l] += axis[l] * coefficients[c][t][l];
+                    }
+                }
+                lanes_stay_innermost();
+            }
+            for l in 0..L {
+                printed[l] += slope[l] * slope[l] * basis.noise[j][l];
+            }
+        }
+        lanes_stay_innermost();
+    }
+    printed
 }
 
 /// `sum over channels (beta^T z - y)^2`.

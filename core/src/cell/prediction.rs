@@ -6,7 +6,8 @@
 )]
 
 use crate::blend::{self, ERROR_SOFTENING, LayerTile, Predictions, Sum};
-use crate::cell::model::{Coefficients, Models, evaluate};
+use crate::cell::feature_space::Basis;
+use crate::cell::model::{Coefficients, Models, evaluate, printed_variance};
 use crate::cell::rings::{Centre, RING_STEPS, RINGS, window_pixels};
 use crate::cell::window::{Colours, Sample, Windows};
 use crate::lanes::{Lanes, Rgb, Vector, lanes_stay_innermost};
@@ -14,12 +15,12 @@ use crate::params::Formulas;
 use crate::tile::{RADIUS, WINDOW_AREA};
 
 /// Squared distance, in units of a pixel's tolerance, at which a prediction that the pixel itself speaks against loses
-/// half its confidence (measured: 1.5^2; the one remedy for dark pixels beside bright ones).
-const DISAGREEMENT: f32 = 2.25;
+/// half its confidence (measured: 1.5^2 to 3^2; less costs light, for dark samples outnumber bright ones).
+const DISAGREEMENT: f32 = 4.0;
 
 /// Pixels as which the mean over the whole prediction window counts beside the nine whose squared distances make a local error: nine alone
-/// are so noisy that the luckiest model wins, the window alone is blind to where the model fails (measured: 5 to 40 alike).
-const WINDOW_SHARE: f32 = 10.0;
+/// are so noisy that the luckiest model wins, the window alone is blind to where the model fails (measured: 5 to 40 alike, 25 the fewest specks).
+const WINDOW_SHARE: f32 = 25.0;
 
 /// A squared distance enters the mean over the window no larger than this, in units of the pixel's variance, so that one pixel does not
 /// speak for all (measured: 20 to 500 alike).
@@ -28,6 +29,13 @@ const LARGEST_DISTANCE: f32 = 100.0;
 /// Part of its confidence that a prediction would lose one ring beyond its window: a model is at its best around its centre (measured: 0.5 to
 /// 0.9 alike).
 const EDGE_LOSS: f32 = 0.5;
+
+/// Where the pixel is nowhere negative, a prediction loses its confidence if a channel is below this part of the magnitudes of all
+/// three: a plane drawn beyond a dark edge (measured: 0.03 to 0.3 alike).
+const NEGATIVE: f32 = -0.1;
+
+/// Relative to a variance of 0 every error is infinite: this part of the squared radiance bounds it.
+const LEAST_VARIANCE: f32 = 1e-6;
 
 /// Side of a prediction window with a margin of one.
 const SIDE: usize = 2 * RADIUS + 3;
@@ -68,8 +76,21 @@ struct Common<const L: usize> {
     edge_loss: Lanes<L>,
     /// The fit's own variance, in units of the pixels': on average over its window, its terms' share of the noise.
     fit_variance: Lanes<L>,
+    /// Variance that the features' noise prints into them, in the window's unit. The pixels that judge the model share their samples
+    /// with the features, so what a model prints looks like truth to them; this takes the advantage away.
+    printed: Lanes<L>,
     /// A squared distance of 1 in the window's unit, as radiance squared, mean over the channels.
     per_channel: Lanes<L>,
+}
+
+/// Whether a prediction is negative, and not by rounding, where lane `l` of the pixel is not.
+#[inline(always)]
+fn goes_below<const L: usize>(sample: &Sample<L>, [r, g, b]: [f32; 3], l: usize) -> bool {
+    let lit =
+        sample.colour[0][l] >= 0.0 && sample.colour[1][l] >= 0.0 && sample.colour[2][l] >= 0.0;
+    let least = if r < g { r } else { g };
+    let least = if least < b { least } else { b };
+    lit && least < NEGATIVE * (r.abs() + g.abs() + b.abs())
 }
 
 /// The ring of pixel `i` of a window.
@@ -117,6 +138,7 @@ impl<const L: usize> PredictionWindows<L> {
         &mut self,
         models: &Models<T, L>,
         windows: &Windows<D, L>,
+        basis: &Basis<D, L>,
         formulas: Formulas,
     ) {
         self.distance = [[0.0; L]; SIDE * SIDE];
@@ -142,7 +164,7 @@ impl<const L: usize> PredictionWindows<L> {
             }
             lanes_stay_innermost();
         }
-        let common = self.common(models, windows);
+        let common = self.common(models, windows, basis);
         self.rate(&common, &windows.samples, formulas, widest);
     }
 
@@ -173,9 +195,8 @@ impl<const L: usize> PredictionWindows<L> {
             let squared = if valid { squared[l] } else { 0.0 };
             let disagreement = squared / (DISAGREEMENT * sample.tolerance[l] + f32::MIN_POSITIVE);
             confidence[l] = 1.0 / (1.0 + disagreement);
-            // Relative to a variance of 0 every error is infinite: a millionth of the squared radiance bounds it.
-            let relative =
-                squared * sample.weight[l] / (sample.variance[l] * sample.weight[l] + 1e-6);
+            let noise = sample.variance[l] * sample.weight[l] + LEAST_VARIANCE;
+            let relative = squared * sample.weight[l] / noise;
             let inside = if place < pixels[l] { 1.0 } else { 0.0 };
             let known_here = if valid { inside } else { 0.0 };
             let relative = if known_here > 0.0 { relative } else { 0.0 };
@@ -200,7 +221,7 @@ impl<const L: usize> PredictionWindows<L> {
         widest: usize,
     ) {
         for (i, sample) in samples.iter().enumerate().take(window_pixels(widest)) {
-            let bias = self.local_error(i, &common.expected);
+            let mut bias = self.local_error(i, &common.expected);
             let (Some(confidence), Some(error), Some(colour)) = (
                 self.confidence.get_mut(i),
                 self.error.get_mut(i),
@@ -211,6 +232,8 @@ impl<const L: usize> PredictionWindows<L> {
             };
             let ring = ring_of(i);
             for l in 0..L {
+                let noise = sample.variance[l] * sample.weight[l] + LEAST_VARIANCE;
+                bias[l] += common.printed[l] * sample.weight[l] / noise;
                 let own = match formulas {
                     Formulas::Robust => {
                         let share = 1.0 - common.edge_loss[l] * ring * ring;
@@ -223,7 +246,9 @@ impl<const L: usize> PredictionWindows<L> {
                 let (r, g, b) = (colour[0][l] * own, colour[1][l] * own, colour[2][l] * own);
                 let squared = squared * own;
                 // Not a number, too, where two of them are infinite.
-                let kept = (r + g + b + squared).is_finite();
+                let finite = (r + g + b + squared).is_finite();
+                let kept =
+                    finite && !(formulas == Formulas::Robust && goes_below(sample, [r, g, b], l));
                 confidence[l] = if kept { own } else { 0.0 };
                 error[l] = if kept { squared } else { 0.0 };
                 colour[0][l] = if kept { r } else { 0.0 };
@@ -240,11 +265,13 @@ impl<const L: usize> PredictionWindows<L> {
         &self,
         models: &Models<T, L>,
         windows: &Windows<D, L>,
+        basis: &Basis<D, L>,
     ) -> Common<L> {
         let mut common = Common {
             expected: [0.0; L],
             edge_loss: [0.0; L],
             fit_variance: [0.0; L],
+            printed: printed_variance(&models.coefficients, basis),
             per_channel: [0.0; L],
         };
         for l in 0..L {

@@ -7,6 +7,8 @@ use crate::tile::{HALO, RADIUS, TILE, WINDOW_AREA};
 pub(crate) struct Centre {
     pub(crate) x: u8,
     pub(crate) y: u8,
+    /// The set of features that its model sees.
+    pub(crate) set: u8,
 }
 
 impl Centre {

@@ -82,6 +82,7 @@ impl<const D: usize, const L: usize> Windows<D, L> {
     #[inline(always)]
     pub(crate) fn read(&mut self, tiles: &[&Tile<D>; L], centres: &Centres<L>) -> Extent<D, L> {
         let positions = centres.map(|centre| centre.map_or(BEYOND, Centre::position));
+        let sets = centres.map(|centre| centre.map_or(0, |centre| usize::from(centre.set)));
         let mut extent = Extent {
             pixels: [0.0; L],
             low: [[f32::MAX; L]; D],
@@ -99,15 +100,22 @@ impl<const D: usize, const L: usize> Windows<D, L> {
                     break;
                 };
                 let mut pixels = [const { &Pixel::OUTSIDE }; L];
+                let mut guides = [const { &[0.0; D] }; L];
                 for l in 0..L {
-                    pixels[l] = tiles[l].pixel_at(positions[l].wrapping_add_signed(step));
+                    let position = positions[l].wrapping_add_signed(step);
+                    pixels[l] = tiles[l].pixel_at(position);
+                    guides[l] = tiles[l].features_at(sets[l], position);
                 }
-                take_four::<0, D, L>(&pixels, features, sample);
-                take_four::<4, D, L>(&pixels, features, sample);
-                take_four::<8, D, L>(&pixels, features, sample);
-                take_four::<12, D, L>(&pixels, features, sample);
-                take_four::<16, D, L>(&pixels, features, sample);
-                take_four::<20, D, L>(&pixels, features, sample);
+                let read = Read {
+                    features: guides,
+                    pixels,
+                };
+                take_four::<0, D, L>(&read, features, sample);
+                take_four::<4, D, L>(&read, features, sample);
+                take_four::<8, D, L>(&read, features, sample);
+                take_four::<12, D, L>(&read, features, sample);
+                take_four::<16, D, L>(&read, features, sample);
+                take_four::<20, D, L>(&read, features, sample);
                 extent.take_in(features, sample);
                 lanes_stay_innermost();
             }
@@ -168,11 +176,33 @@ impl<const D: usize, const L: usize> Extent<D, L> {
     }
 }
 
+/// Where a pixel of each window is read from.
+struct Read<'a, const D: usize, const L: usize> {
+    features: [&'a [f32; D]; L],
+    pixels: [&'a Pixel<D>; L],
+}
+
+impl<const D: usize, const L: usize> Read<'_, D, L> {
+    /// Values `K` to `K + 3` of lane `l`; zeros beyond the last lane.
+    #[inline(always)]
+    fn four<const K: usize>(&self, l: usize) -> [f32; 4] {
+        match (self.features.get(l), self.pixels.get(l)) {
+            (Some(features), Some(pixel)) => [
+                value(features, pixel, K),
+                value(features, pixel, K + 1),
+                value(features, pixel, K + 2),
+                value(features, pixel, K + 3),
+            ],
+            _ => [0.0; 4],
+        }
+    }
+}
+
 /// Takes values `K` to `K + 3` of each of `L` pixels. They are read four at a time, so that the compiler makes shuffles of it
 /// (measured: a model takes 5 % fewer cycles than value by value).
 #[inline(always)]
 fn take_four<const K: usize, const D: usize, const L: usize>(
-    pixels: &[&Pixel<D>; L],
+    read: &Read<D, L>,
     features: &mut Vector<D, L>,
     sample: &mut Sample<L>,
 ) {
@@ -182,10 +212,10 @@ fn take_four<const K: usize, const D: usize, const L: usize>(
     let mut rows = [[0.0; L]; 4];
     for l in (0..L).step_by(4) {
         let own = [
-            four::<K, D>(pixels.get(l)),
-            four::<K, D>(pixels.get(l + 1)),
-            four::<K, D>(pixels.get(l + 2)),
-            four::<K, D>(pixels.get(l + 3)),
+            read.four::<K>(l),
+            read.four::<K>(l + 1),
+            read.four::<K>(l + 2),
+            read.four::<K>(l + 3),
         ];
         for (j, row) in rows.iter_mut().enumerate() {
             for (i, place) in row.iter_mut().skip(l).take(4).enumerate() {
@@ -201,24 +231,11 @@ fn take_four<const K: usize, const D: usize, const L: usize>(
     }
 }
 
-#[inline(always)]
-fn four<const K: usize, const D: usize>(pixel: Option<&&Pixel<D>>) -> [f32; 4] {
-    match pixel {
-        Some(pixel) => [
-            value(pixel, K),
-            value(pixel, K + 1),
-            value(pixel, K + 2),
-            value(pixel, K + 3),
-        ],
-        None => [0.0; 4],
-    }
-}
-
 /// Value `k` of a pixel: its features, then those of a [`Sample`], in the order in which they lie in memory.
 #[inline(always)]
-fn value<const D: usize>(pixel: &Pixel<D>, k: usize) -> f32 {
+fn value<const D: usize>(features: &[f32; D], pixel: &Pixel<D>, k: usize) -> f32 {
     match k.checked_sub(D) {
-        None => pixel.features[k],
+        None => features[k],
         Some(c @ 0..3) => pixel.colour[c],
         Some(3) => pixel.weight,
         Some(4) => pixel.variance,

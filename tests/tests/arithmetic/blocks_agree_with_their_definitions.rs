@@ -29,9 +29,15 @@ fn around<const W: usize>(
         .map(|v| f64::from(*v))
 }
 
-fn mean_of_good<const W: usize>(plane: &[[f32; W]], good: &[[f32; W]], x: usize, y: usize) -> f64 {
-    let count: f64 = around(good, x, y, 1).sum();
-    around(plane, x, y, 1).sum::<f64>() / count.max(1.0)
+fn mean_of_good<const W: usize>(
+    plane: &[[f32; W]],
+    good: &[[f32; W]],
+    radius: usize,
+    x: usize,
+    y: usize,
+) -> f64 {
+    let count: f64 = around(good, x, y, radius).sum();
+    around(plane, x, y, radius).sum::<f64>() / count.max(1.0)
 }
 
 fn median<const W: usize>(plane: &[[f32; W]], x: usize, y: usize) -> f64 {
@@ -47,10 +53,12 @@ fn colours() -> Box<ColourBlock> {
         for x in 0..ColourBlock::WIDTH {
             let good = noise(1, x, y) > 0.1;
             let lit = good && x > 12 && x < 45;
+            // lit and without noise: a light that is seen
+            let seen = x > 40;
             let level = 10f32.powf(8.0 * noise(2, x, y) - 4.0);
             block.good[y][x] = if good { 1.0 } else { 0.0 };
             block.luminance[y][x] = if lit { level } else { 0.0 };
-            block.variance[y][x] = if lit {
+            block.variance[y][x] = if lit && !seen {
                 level * level * noise(3, x, y)
             } else {
                 0.0
@@ -62,7 +70,7 @@ fn colours() -> Box<ColourBlock> {
 
 /// Weight, variance and tolerance of the pixel at (x, y) of the input.
 fn prepared(input: &ColourBlock, x: usize, y: usize) -> [f64; 3] {
-    let mean = |x, y| mean_of_good(&input.luminance, &input.good, x, y);
+    let mean = |x, y| mean_of_good(&input.luminance, &input.good, 1, x, y);
     let logs: Vec<f64> = (y - 9..=y + 9)
         .flat_map(|y| (x - 9..=x + 9).map(move |x| (x, y)))
         .map(|(x, y)| mean(x, y))
@@ -74,17 +82,29 @@ fn prepared(input: &ColourBlock, x: usize, y: usize) -> [f64; 3] {
         count => (logs.iter().sum::<f64>() / count as f64).exp(),
     };
     let square = mean(x, y).powi(2);
-    let scale = square + 3.0 * level * level;
+    let scale = 4.0 * level * level;
     let good = f64::from(input.good[y][x]);
-    let variance = mean_of_good(&input.variance, &input.good, x, y);
+    let near = mean_of_good(&input.variance, &input.good, 1, x, y);
+    let corners = [
+        (x - 2, y - 2),
+        (x + 2, y - 2),
+        (x - 2, y + 2),
+        (x + 2, y + 2),
+    ];
+    let least = corners
+        .map(|(x, y)| mean_of_good(&input.variance, &input.good, 2, x, y))
+        .into_iter()
+        .fold(f64::INFINITY, f64::min);
+    let exact = near == 0.0 && mean(x, y) > 0.0;
     let middle = median(&input.luminance, x, y);
-    let relative = variance / square.max(f64::from(f32::MIN_POSITIVE));
+    let relative = near / square.max(f64::from(f32::MIN_POSITIVE));
     let spread = median(&input.variance, x, y)
         .max(f64::from(input.variance[y][x]))
-        .max(relative * middle * middle);
+        .max(relative * middle * middle)
+        .max(least);
     [
         if scale > 0.0 { good / scale } else { 0.0 },
-        variance,
+        if exact { 0.0 } else { near.max(least) },
         spread + 3.0 * ((0.1 * middle).powi(2) + 1e-3 * scale),
     ]
 }
@@ -126,7 +146,8 @@ fn features() -> Box<FeatureGroup<3>> {
     group
 }
 
-struct Definition<'a>(&'a FeatureGroup<3>);
+/// A group, and the part of the distances between patches at which its filter takes them.
+struct Definition<'a>(&'a FeatureGroup<3>, f64);
 
 impl Definition<'_> {
     fn steady(&self, x: usize, y: usize) -> f64 {
@@ -161,7 +182,9 @@ impl Definition<'_> {
                 sum += self.ratio(moved(p), moved(q));
             }
         }
-        (1.0 - (sum / 25.0 - 1.0).max(0.0) / 8.0).max(0.0).powi(8)
+        (1.0 - self.1 * (sum / 25.0 - 1.0).max(0.0) / 8.0)
+            .max(0.0)
+            .powi(8)
     }
 
     /// Feature `c` of a pixel, and the variance it keeps.
@@ -180,9 +203,18 @@ impl Definition<'_> {
 #[test]
 fn filtered_features_and_the_variance_they_keep() {
     let input = features();
-    let definition = Definition(&input);
-    let mut output = Box::new(FilteredGroup::ZERO);
-    assert!(prefilter(&input, &mut output));
+    let mut outputs = [(); 3].map(|()| Box::new(FilteredGroup::ZERO));
+    let [filtered, smoothed, alone] = &mut outputs;
+    assert!(prefilter(&input, filtered, Some(smoothed)));
+    assert!(prefilter(&input, alone, None));
+    assert_eq!(filtered, alone);
+    for (output, part) in [(filtered, 1.0), (smoothed, 0.2)] {
+        agrees(output, &input, part);
+    }
+}
+
+fn agrees(output: &FilteredGroup<3>, input: &FeatureGroup<3>, part: f64) {
+    let definition = Definition(input, part);
     let (mut kept, mut filtered) = (0, 0);
     for (y, x) in (0..BLOCK_HEIGHT).flat_map(|y| (0..BLOCK_WIDTH).map(move |x| (y, x))) {
         let c = (x + y) % 3;

@@ -67,7 +67,7 @@ fn own_weight(state: PixelState, formulas: Formulas, others: f64) -> f64 {
         (PixelState::Outside | PixelState::Bad, _) => 0.0,
         (PixelState::Clean, _) => f64::INFINITY,
         // A tenth of a prediction that is as far off as the noise: (1 + 0.5)^-1.5.
-        (PixelState::Noisy, Formulas::Robust) => 0.1 * 1.5f64.powf(-1.5),
+        (PixelState::Noisy, Formulas::Robust) => 0.2 * 1.5f64.powf(-1.5),
         (PixelState::Noisy, Formulas::Literal) if others > 0.0 => 0.0,
         (PixelState::Noisy, Formulas::Literal) => 1.0,
         (PixelState::Noisy, other) => panic!("{other:?} has no definition"),

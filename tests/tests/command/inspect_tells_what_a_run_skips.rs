@@ -11,10 +11,10 @@ use linpred_tests::images::{NamedSamples, constant, everything, part, write};
 use proptest::prelude::{ProptestConfig, Strategy, any, prop_assert, prop_assert_eq, proptest};
 use serde_json::Value;
 
-/// A scene with a calm part and some pixels that are not numbers.
+/// A scene with a calm part, some pixels that are not numbers, and some fireflies.
 fn frames() -> impl Strategy<Value = Frame> {
     let span = || (0.0..1.0f64, 0.0..1.0f64);
-    let bad = proptest::collection::vec((any::<u16>(), any::<u16>(), 0..4usize), 0..4);
+    let bad = proptest::collection::vec((any::<u16>(), any::<u16>(), 0..5usize), 0..6);
     (scenes(), span(), span(), bad).prop_map(|(scene, columns, rows, bad)| {
         let mut frame = scene.render();
         let (width, height) = scene.size;
@@ -24,6 +24,10 @@ fn frames() -> impl Strategy<Value = Frame> {
         };
         frame.calm(of(width, columns), of(height, rows));
         for (x, y, plane) in bad {
+            if plane == 4 {
+                frame.add_firefly((usize::from(x) % width, usize::from(y) % height), 500.0);
+                continue;
+            }
             let (x, row) = (
                 usize::from(x) % width,
                 &mut frame.rows[usize::from(y) % height],
@@ -59,12 +63,14 @@ proptest! {
     fn its_ranges_are_those_of_the_image(frame in frames()) {
         let survey = frame.survey_on(1);
         let mut colours = Vec::new();
-        let (mut first, mut missing) = (None, 0);
+        let (mut first, mut first_firefly, mut missing) = (None, None, 0);
+        let fireflies = frame.fireflies();
         for (y, row) in frame.rows.iter().enumerate() {
             for x in 0..frame.width() {
-                match is_bad(row, x) {
-                    true => { first.get_or_insert([x, y]); }
-                    false => colours.extend(row.colour.iter().map(|plane| plane[x])),
+                match (is_bad(row, x), fireflies[y * frame.width() + x]) {
+                    (true, _) => { first.get_or_insert([x, y]); }
+                    (_, true) => { first_firefly.get_or_insert([x, y]); }
+                    _ => colours.extend(row.colour.iter().map(|plane| plane[x])),
                 }
                 missing += u64::from(row.features.iter().any(|f| f.get(x).is_some_and(|v| v.is_nan())));
             }
@@ -73,6 +79,7 @@ proptest! {
         let ends = colours.first().zip(colours.last()).map(|(a, b)| [*a, *b]);
         prop_assert_eq!(survey.radiance, ends);
         prop_assert_eq!(survey.first_repaired, first);
+        prop_assert_eq!(survey.first_firefly, first_firefly);
         prop_assert_eq!(survey.features_missing, missing);
         let varies = |k: usize| {
             let values: Vec<f32> = frame.rows.iter().flat_map(|row| &row.features[k]).copied().filter(|v| !v.is_nan()).collect();
@@ -110,10 +117,11 @@ fn a_scene_counted_by_hand() {
     assert!(!frame.survey_on(1).grey);
 }
 
-const COUNTS: [&str; 7] = [
+const COUNTS: [&str; 8] = [
     "pixels",
     "passed_through",
     "repaired",
+    "fireflies",
     "cells",
     "cells_skipped",
     "feature_blocks",

@@ -64,6 +64,27 @@ fn where_the_colour_or_its_layers_are_not_a_number() {
 }
 
 #[test]
+fn where_there_are_fireflies() {
+    for variances in [true, false] {
+        let mut frame = Scene {
+            layers: 3,
+            variances,
+            ..Scene::new(64, 47)
+        }
+        .render();
+        for at in [(5, 5), (18, 6), (63, 20), (30, 46)] {
+            frame.add_firefly(at, 500.0);
+            for (k, share) in [100.0, 150.0, 250.0].into_iter().enumerate() {
+                let layer = frame.rows[at.1].layers[k].iter_mut();
+                layer.for_each(|plane| plane[at.0] = share);
+            }
+        }
+        assert_eq!(frame.survey_on(1).counts.fireflies, 4);
+        sums_hold(&frame, Params::new(Quality::Balanced));
+    }
+}
+
+#[test]
 fn where_there_is_nothing_to_denoise() {
     let mut frame = scene();
     for row in &mut frame.rows {

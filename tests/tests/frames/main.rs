@@ -3,6 +3,8 @@
 mod cuts_change_no_bit;
 mod estimated_error_is_the_error;
 mod exact_where_it_can_be;
+mod finishing_keeps_its_promises;
+mod fireflies_go_and_lamps_stay;
 mod layers_add_up_to_the_colour;
 mod overlap_changes_nothing;
 mod pushed_rows_come_out_denoised;

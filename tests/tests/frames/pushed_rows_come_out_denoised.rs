@@ -107,9 +107,10 @@ fn an_image_that_is_not_pushed_to_the_end_ends_in_an_error() {
 
 #[test]
 fn a_pusher_is_told_that_nobody_pulls() {
-    let (mut push, denoised) = push::start(layout(47, 90), options()).unwrap();
+    // More rows than are in memory before the first comes out.
+    let (mut push, denoised) = push::start(layout(47, 300), options()).unwrap();
     drop(denoised);
-    assert!(matches!(push_to(&mut push, 90), Err(Error::Cancelled)));
+    assert!(matches!(push_to(&mut push, 300), Err(Error::Cancelled)));
 }
 
 #[test]

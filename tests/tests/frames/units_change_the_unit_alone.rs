@@ -57,26 +57,41 @@ fn exposure_scales_the_output() {
     }
 }
 
-#[test]
-fn features_in_metres_or_millimetres_are_the_same_features() {
+/// Largest change of a frame's output when the features from `first` on are in a unit `by` times smaller.
+fn change_by_unit(params: Params, first: usize, by: f32) -> f64 {
     let frame = Scene::new(61, 44).render();
-    let plain = mapped(&frame, |_| {});
-    // A power of two is exact.
-    for (by, tolerance) in [
-        (1024.0f32, 0.0),
-        (2f32.powi(-20), 0.0),
-        (1000.0, FEATURE_UNITS),
-        (1e-3, FEATURE_UNITS),
-        (0.3048, FEATURE_UNITS),
-    ] {
-        for first in [0, 6] {
-            let other = mapped(&frame, |row| {
-                scale(&mut row.features[first..], by);
-                scale(&mut row.feature_variances[first..], by * by);
-            });
-            let distance = distance(&plain, &other, 1.0);
-            assert!(close(distance, 0.0, tolerance), "{by}: {distance}");
-        }
+    let mut other = frame.clone();
+    for row in &mut other.rows {
+        scale(&mut row.features[first..], by);
+        scale(&mut row.feature_variances[first..], by * by);
+    }
+    distance(&frame.denoise(params), &other.denoise(params), 1.0)
+}
+
+/// A power of two is exact.
+const UNITS: [(f32, f64); 5] = [
+    (1024.0, 0.0),
+    (1.0 / 1_048_576.0, 0.0),
+    (1000.0, FEATURE_UNITS),
+    (1e-3, FEATURE_UNITS),
+    (0.3048, FEATURE_UNITS),
+];
+
+#[test]
+fn depth_in_metres_or_millimetres_is_the_same_depth() {
+    for (by, tolerance) in UNITS {
+        let change = change_by_unit(Params::new(Quality::Balanced), 6, by);
+        assert!(close(change, 0.0, tolerance), "{by}: {change}");
+    }
+}
+
+/// The stages after the blend know that a normal has length 1 and an albedo is a part of the light; what is before them does not, and the
+/// papers' formulas have nothing else.
+#[test]
+fn models_know_no_unit_of_any_feature() {
+    for (by, tolerance) in UNITS {
+        let change = change_by_unit(Params::literal(), 0, by);
+        assert!(close(change, 0.0, tolerance), "{by}: {change}");
     }
 }
 

@@ -45,6 +45,7 @@ fn log_fields(summary: &Summary, seconds: f64, output: &Path) {
         models = summary.report.models,
         passed_through = done.passed_through,
         repaired = done.repaired,
+        fireflies = done.fireflies,
         cells = done.cells,
         cells_skipped = done.cells_skipped,
         feature_blocks = done.feature_blocks,
@@ -63,12 +64,13 @@ fn log_sentence(summary: &Summary, seconds: f64, output: &Path) {
         .peak_memory
         .map(|bytes| format!(", {} MiB", bytes >> 20));
     tracing::info!(
-        "{}: {} pixels, models for {:.1} %, {:.1} % passed through, {} repaired, {seconds:.2} s{}",
+        "{}: {} pixels, models for {:.1} %, {:.1} % passed through, {} not finite and {} fireflies repaired, {seconds:.2} s{}",
         output.display(),
         done.pixels,
         percent(summary.report.models, done.pixels),
         percent(done.passed_through, done.pixels),
         done.repaired,
+        done.fireflies,
         peak.unwrap_or_default()
     );
 }

@@ -1,7 +1,7 @@
 //! Rows of a denoised image into an EXR file that keeps everything else of the input.
 //!
 //! Only denoised samples are held, until they fill a row of chunks. The input's chunks are then decoded a second time, one at
-//! a time, some sixty rows after the source decoded them: that costs less than holding every channel of those rows.
+//! a time, some hundred rows after the source decoded them: that costs less than holding every channel of those rows.
 
 use std::path::Path;
 use std::sync::Arc;

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZeroUsize;
 
 use exr::meta::attribute::Compression;
+use linpred_core::Params;
 
 use crate::error::Error;
 use crate::exr_file::Part;
@@ -14,7 +15,7 @@ use crate::job::memory::MemoryPlan;
 use crate::job::options::JobOptions;
 use crate::row::{InputRow, OutputRow};
 use crate::stream::overlap::ROWS_IN_FLIGHT;
-use crate::stream::pipeline;
+use crate::stream::pipeline::{self, Options};
 use crate::stream::survey;
 
 /// The program itself, its tables and what the allocator keeps back (measured: 5 to 8 MiB).
@@ -56,7 +57,8 @@ pub(crate) fn schedule(
         rows_in_flight: 0,
         codes_at_once: false,
     };
-    let plan = |schedule| (schedule, memory_plan(input, rewrite, schedule));
+    let params = options.pipeline.params;
+    let plan = |schedule| (schedule, memory_plan(input, rewrite, params, schedule));
     let fits = |(_, plan): &(Schedule, MemoryPlan)| plan.total() <= options.memory_limit;
     schedules(threads, may_code_at_once(input, rewrite))
         .into_iter()
@@ -107,7 +109,12 @@ fn may_code_at_once(input: &Input, rewrite: &Rewrite) -> bool {
 }
 
 /// What denoising `input` will hold in memory: file chunks, and the pipeline's bands of rows.
-pub(super) fn memory_plan(input: &Input, rewrite: &Rewrite, schedule: Schedule) -> MemoryPlan {
+pub(super) fn memory_plan(
+    input: &Input,
+    rewrite: &Rewrite,
+    params: Params,
+    schedule: Schedule,
+) -> MemoryPlan {
     let mut plan = MemoryPlan::default();
     plan.add("the program", PROGRAM);
     add_reading(&mut plan, input);
@@ -118,7 +125,8 @@ pub(super) fn memory_plan(input: &Input, rewrite: &Rewrite, schedule: Schedule) 
     add_coding(&mut plan, input, &written, schedule.codes_at_once);
     add_writing(&mut plan, input, rewrite);
     let layout = input.layout();
-    plan.add("computing", pipeline::bytes(&layout, schedule.threads));
+    let options = Options::new(params).with_threads(schedule.threads);
+    plan.add("computing", pipeline::bytes(&layout, &options));
     if schedule.rows_in_flight > 0 {
         // those in the channel, one being filled or emptied, and one more in the hand of the pipeline
         let rows = schedule.rows_in_flight as u64 + 2;

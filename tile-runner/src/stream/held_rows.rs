@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use linpred_core::{FEATURES, Feature};
 
+use crate::geometry::plane_bytes;
 use crate::row::{InputRow, RowLayout, VarianceKind};
 use crate::stream::borders::{clamped, copy_clamped, copy_mirrored, mirrored};
 use crate::stream::row_ring::RowRing;
@@ -14,12 +15,16 @@ const LARGEST: f32 = 1e15;
 /// Depths from here on are what renderers write where a ray leaves the scene.
 const NO_SURFACE: f32 = 1e9;
 
-/// What cells read of a row.
+/// What cells, and the stages after them, read of a row.
 pub(crate) struct ColourRow {
     /// Radiance, 0 where the pixel is bad.
     pub(crate) colour: [Vec<f32>; 3],
-    /// 1, or 0 where the colour is not finite.
+    /// 1, or 0 where the pixel is bad: its colour is not finite, or it is a firefly.
     pub(crate) good: Vec<f32>,
+    /// Which pixels are fireflies.
+    pub(crate) firefly: Vec<bool>,
+    /// Variance of the mean, summed over the channels, 0 where the pixel is bad.
+    pub(crate) variance: Vec<f32>,
     /// Extra layers, 0 where not finite and where the pixel is bad: what a layer holds there is no better.
     pub(crate) layers: Vec<[Vec<f32>; 3]>,
 }
@@ -28,8 +33,6 @@ pub(crate) struct ColourRow {
 pub(crate) struct GuideRow {
     /// Mean magnitude of the channels, 0 where the pixel is bad.
     pub(crate) luminance: Vec<f32>,
-    /// Variance of the mean, summed over the channels, 0 where the pixel is bad.
-    pub(crate) variance: Vec<f32>,
     /// Features; NaN where missing, empty if the image has none.
     pub(crate) features: [Vec<f32>; FEATURES],
     /// Whether some pixel misses the feature.
@@ -41,9 +44,10 @@ pub(crate) struct GuideRow {
 }
 
 impl ColourRow {
-    /// Planes of a row.
-    pub(crate) fn planes(layout: &RowLayout) -> usize {
-        4 + 3 * layout.layers
+    /// Bytes of `rows` rows.
+    pub(crate) fn bytes(layout: &RowLayout, rows: usize) -> u64 {
+        let flags = (layout.size.width() as u64).saturating_mul(rows as u64);
+        plane_bytes(layout.size, rows, 5 + 3 * layout.layers).saturating_add(flags)
     }
 
     fn new(layout: &RowLayout) -> Self {
@@ -51,13 +55,16 @@ impl ColourRow {
         Self {
             colour: std::array::from_fn(|_| plane()),
             good: plane(),
+            firefly: vec![false; layout.size.width()],
+            variance: plane(),
             layers: (0..layout.layers)
                 .map(|_| std::array::from_fn(|_| plane()))
                 .collect(),
         }
     }
 
-    fn fill(&mut self, input: &InputRow) {
+    fn fill(&mut self, input: &InputRow, kind: VarianceKind) {
+        self.firefly.fill(false);
         for x in 0..self.good.len() {
             let colour: [f32; 3] = std::array::from_fn(|c| input.colour[c][x]);
             let good = colour.iter().all(|v| v.abs() <= LARGEST);
@@ -66,6 +73,7 @@ impl ColourRow {
                 plane[x] = if good { value } else { 0.0 };
             }
         }
+        self.fill_variance(input, kind);
         for (own, layer) in self.layers.iter_mut().zip(&input.layers) {
             for (own, plane) in own.iter_mut().zip(layer) {
                 for ((own, &value), good) in own.iter_mut().zip(plane).zip(&self.good) {
@@ -75,12 +83,35 @@ impl ColourRow {
             }
         }
     }
+
+    fn fill_variance(&mut self, input: &InputRow, kind: VarianceKind) {
+        self.variance.fill(0.0);
+        if kind != VarianceKind::Estimated {
+            let noisy = |c: usize| input.variance[c].iter().zip(&self.colour[c]);
+            let channels = noisy(0).zip(noisy(1)).zip(noisy(2)).zip(&self.good);
+            for (own, (((red, green), blue), good)) in self.variance.iter_mut().zip(channels) {
+                let checked = [red, green, blue].map(|(v, value)| checked_variance(*v, *value));
+                let sum = unordered_sum(checked);
+                *own = if *good != 0.0 { sum } else { 0.0 };
+            }
+        }
+    }
+
+    /// Makes the pixel in column `x` a bad one.
+    pub(crate) fn spoil(&mut self, x: usize) {
+        (self.good[x], self.variance[x]) = (0.0, 0.0);
+        let layers = self.layers.iter_mut().flatten();
+        for plane in self.colour.iter_mut().chain(layers) {
+            plane[x] = 0.0;
+        }
+    }
 }
 
 impl GuideRow {
-    /// Planes of a row.
-    pub(crate) fn planes(layout: &RowLayout) -> usize {
-        2 + 2 * layout.features.iter().filter(|present| **present).count()
+    /// Bytes of `rows` rows.
+    pub(crate) fn bytes(layout: &RowLayout, rows: usize) -> u64 {
+        let features = layout.features.iter().filter(|present| **present).count();
+        plane_bytes(layout.size, rows, 1 + 2 * features)
     }
 
     fn new(layout: &RowLayout) -> Self {
@@ -88,7 +119,6 @@ impl GuideRow {
         let feature = |k: usize| vec![0.0; if layout.features[k] { width } else { 0 }];
         Self {
             luminance: vec![0.0; width],
-            variance: vec![0.0; width],
             features: std::array::from_fn(feature),
             missing: [false; FEATURES],
             noisy: [const { 0..0 }; FEATURES],
@@ -96,22 +126,11 @@ impl GuideRow {
         }
     }
 
-    fn fill(&mut self, input: &InputRow, colours: &ColourRow, kind: VarianceKind) {
-        self.luminance.fill(0.0);
-        for plane in &colours.colour {
-            for (sum, value) in self.luminance.iter_mut().zip(plane) {
-                *sum += value.abs() / 3.0;
-            }
-        }
-        self.variance.fill(0.0);
-        if kind != VarianceKind::Estimated {
-            for (variances, values) in input.variance.iter().zip(&colours.colour) {
-                let pixels = variances.iter().zip(values).zip(&colours.good);
-                for (sum, ((&variance, &value), good)) in self.variance.iter_mut().zip(pixels) {
-                    let checked = checked_variance(variance, value);
-                    *sum += if *good != 0.0 { checked } else { 0.0 };
-                }
-            }
+    fn fill(&mut self, input: &InputRow, colours: &ColourRow) {
+        let [red, green, blue] = &colours.colour;
+        let values = red.iter().zip(green).zip(blue);
+        for (own, ((red, green), blue)) in self.luminance.iter_mut().zip(values) {
+            *own = unordered_sum([red.abs(), green.abs(), blue.abs()]) / 3.0;
         }
         for feature in Feature::ALL {
             let limit = match feature.is_distance() {
@@ -122,6 +141,11 @@ impl GuideRow {
                 self.fill_feature(k, input, limit);
             }
         }
+    }
+
+    /// Makes the pixel in column `x` a bad one; its features stay.
+    pub(crate) fn spoil(&mut self, x: usize) {
+        self.luminance[x] = 0.0;
     }
 
     /// Feature `k`, which counts as 0 without noise where its magnitude reaches `limit`.
@@ -168,6 +192,15 @@ fn checked_variance(variance: f32, value: f32) -> f32 {
     }
 }
 
+/// The sum, whose bits do not depend on the order of the three finite numbers: no order of the channels changes a decision.
+fn unordered_sum([a, b, c]: [f32; 3]) -> f32 {
+    let sorted = |a: f32, b: f32| if a < b { (a, b) } else { (b, a) };
+    let (low, high) = sorted(a, b);
+    let (middle, high) = sorted(high, c);
+    let (low, middle) = sorted(low, middle);
+    low + middle + high
+}
+
 /// The rows that are held.
 pub(crate) struct HeldRows {
     layout: RowLayout,
@@ -197,9 +230,9 @@ impl HeldRows {
     pub(crate) fn push(&mut self, input: &InputRow) {
         let layout = &self.layout;
         let colours = self.colours.push(|| ColourRow::new(layout));
-        colours.fill(input);
+        colours.fill(input, layout.variance);
         let guides = self.guides.push(|| GuideRow::new(layout));
-        guides.fill(input, colours, layout.variance);
+        guides.fill(input, colours);
     }
 
     /// Lets go of the colours before row `colours` and of the rest before row `guides`.
@@ -218,9 +251,14 @@ impl HeldRows {
         self.guides.row(clamped(y, self.layout.size.height()))
     }
 
+    /// Row `y`, to spoil pixels of it.
+    pub(crate) fn row_mut(&mut self, y: usize) -> (&mut ColourRow, &mut GuideRow) {
+        (self.colours.row_mut(y), self.guides.row_mut(y))
+    }
+
     /// Row `y`, to fill in variances: those of bad pixels are to stay 0.
-    pub(crate) fn variances_mut(&mut self, y: usize) -> (&mut GuideRow, &ColourRow) {
-        (self.guides.row_mut(y), self.colours.row(y))
+    pub(crate) fn variances_mut(&mut self, y: usize) -> (&mut GuideRow, &mut ColourRow) {
+        (self.guides.row_mut(y), self.colours.row_mut(y))
     }
 
     /// Feature `k` of row `y` from column `x` on, as [`Self::feature`] has it; zeros if the image has none.

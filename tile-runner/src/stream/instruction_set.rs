@@ -4,9 +4,11 @@
 //! make it faster.
 
 use linpred_core::{
-    Cells, ColourBlock, FeatureGroup, FilteredGroup, NoiseBlock, NoisyBlock, Params, Scratch,
-    TILE_FEATURES, WeightBlock, denoise_cells, estimate_colour_noise, estimate_feature_noise,
-    prefilter, weigh_samples,
+    Cells, ColourBlock, ComparedRow, DESPECKLE_SPAN, FeatureGroup, FilteredGroup, FinishedPlane,
+    LIGHT_PLANES, LitRow, NoiseBlock, NoisyBlock, Params, Precisions, RESTORE_SPAN, SMOOTH_SPAN,
+    Scratch, Smoothing, SpeckRow, Surroundings, TILE_FEATURES, WeightBlock, compare_light,
+    denoise_cells, despeckle, estimate_colour_noise, estimate_feature_noise, find_factors,
+    prefilter, smooth, weigh_pixels, weigh_samples,
 };
 
 /// Cells that a thread denoises side by side: the lanes of the widest registers in double precision.
@@ -78,7 +80,11 @@ dispatched! {
 }
 dispatched! {
     /// [`linpred_core::prefilter`].
-    prefilter[const N: usize](input: &FeatureGroup<N>, output: &mut FilteredGroup<N>) -> bool
+    prefilter[const N: usize](
+        input: &FeatureGroup<N>,
+        output: &mut FilteredGroup<N>,
+        smoothed: Option<&mut FilteredGroup<N>>
+    ) -> bool
 }
 dispatched! {
     /// [`linpred_core::denoise_cells`].
@@ -96,12 +102,42 @@ dispatched! {
     /// [`linpred_core::estimate_feature_noise`].
     estimate_feature_noise(input: &NoisyBlock, output: &mut NoiseBlock) -> ()
 }
+dispatched! {
+    /// [`linpred_core::weigh_pixels`].
+    weigh_pixels(pass: &Smoothing, input: &Surroundings<'_>, output: &mut Precisions<'_>) -> ()
+}
+dispatched! {
+    /// [`linpred_core::smooth`].
+    smooth(
+        pass: &Smoothing,
+        rows: &[ComparedRow<'_>; SMOOTH_SPAN],
+        planes: &mut [FinishedPlane<'_, SMOOTH_SPAN>]
+    ) -> ()
+}
+dispatched! {
+    /// [`linpred_core::despeckle`].
+    despeckle(input: &SpeckRow<'_>, planes: &mut [FinishedPlane<'_, DESPECKLE_SPAN>]) -> ()
+}
+dispatched! {
+    /// [`linpred_core::compare_light`].
+    compare_light(input: &LitRow<'_>, output: [&mut [f32]; LIGHT_PLANES]) -> ()
+}
+dispatched! {
+    /// [`linpred_core::find_factors`].
+    find_factors(
+        planes: &[[&[f32]; RESTORE_SPAN]; LIGHT_PLANES],
+        noisy: &[f32],
+        output: &mut [f32]
+    ) -> ()
+}
 
 #[cfg(test)]
 mod tests {
     use std::io::Write as _;
 
-    use linpred_core::{LayerTile, PixelState, Predictions, TILE, Tile};
+    use linpred_core::{
+        LayerTile, PixelState, Predictions, SMOOTHINGS, TILE, Tile, finish_columns,
+    };
 
     use super::*;
 
@@ -229,7 +265,8 @@ mod tests {
         noise.fill(group.value.as_flattened_mut().as_flattened_mut());
         noise.fill(group.variance.as_flattened_mut().as_flattened_mut());
         let mut filtered = Box::new(FilteredGroup::ZERO);
-        assert!(instruction_set.prefilter(&group, &mut filtered));
+        let mut smoothed = Box::new(FilteredGroup::ZERO);
+        assert!(instruction_set.prefilter(&group, &mut filtered, Some(&mut smoothed)));
 
         let mut noisy = Box::new(NoisyBlock::BLACK);
         noise.fill(noisy.colour.as_flattened_mut().as_flattened_mut());
@@ -241,9 +278,10 @@ mod tests {
 
         let mut all = vec![
             format!("{prepared:?}"),
-            format!("{filtered:?}"),
+            format!("{filtered:?} {smoothed:?}"),
             format!("{of_features:?} {of_colour:?}"),
         ];
+        all.extend(finished(instruction_set, &mut noise));
         let mut scratch = Box::new(Scratch::new());
         for params in [Params::default(), Params::literal()] {
             let mut row = Row::new(&mut noise);
@@ -252,6 +290,90 @@ mod tests {
             all.push(format!("{:?} {:?}", row.models, row.predictions));
             all.push(format!("{:?}", row.layers));
         }
+        all
+    }
+
+    /// Rows of planes of noise.
+    struct Planes(Vec<Vec<f32>>);
+
+    impl Planes {
+        fn new(noise: &mut Noise) -> Self {
+            let mut planes = vec![vec![0.0; finish_columns(100)]; 100];
+            noise.fill(planes.iter_mut().flatten());
+            Self(planes)
+        }
+
+        /// `N` planes from the `first` on.
+        fn from<const N: usize>(&self, first: usize) -> [&[f32]; N] {
+            std::array::from_fn(|k| self.0[(first + k) % self.0.len()].as_slice())
+        }
+
+        /// `N` rows of them, `M` planes apart.
+        fn rows<const N: usize, const M: usize>(&self, first: usize) -> [[&[f32]; M]; N] {
+            std::array::from_fn(|k| self.from(first + M * k))
+        }
+    }
+
+    /// What the stages after the blend make of rows of noise.
+    fn finished(instruction_set: InstructionSet, noise: &mut Noise) -> Vec<String> {
+        let planes = Planes::new(noise);
+        let [noisy, good, own, variance, level] = planes.from(0);
+        let mut results: [Vec<f32>; 5] = std::array::from_fn(|_| vec![0.0; finish_columns(100)]);
+        let mut all = Vec::new();
+        for pass in SMOOTHINGS {
+            let input = Surroundings {
+                colour: planes.rows(5),
+                error: planes.from(14),
+                level,
+                noisy,
+                features: planes.rows(20),
+                feature_variance: planes.from(41),
+            };
+            let [takes_part, colour, features @ ..] = results.each_mut().map(Vec::as_mut_slice);
+            let mut output = Precisions {
+                takes_part,
+                colour,
+                features,
+            };
+            instruction_set.weigh_pixels(&pass, &input, &mut output);
+            all.push(format!("{results:?}"));
+            let rows = std::array::from_fn(|k| ComparedRow {
+                takes_part: noisy,
+                colour: planes.from(3 * k),
+                colour_precision: own,
+                features: planes.from(30 + 7 * k),
+                feature_precision: planes.from(80 + 2 * k),
+            });
+            let mut smoothed = [FinishedPlane {
+                rows: planes.from(7),
+                output: &mut results[0],
+            }];
+            instruction_set.smooth(&pass, &rows, &mut smoothed);
+            all.push(format!("{smoothed:?}"));
+        }
+        let input = SpeckRow {
+            colour: planes.rows(5),
+            noisy,
+            good,
+            own,
+            variance,
+        };
+        let mut cleared = [FinishedPlane {
+            rows: planes.from(5),
+            output: &mut results[0],
+        }];
+        instruction_set.despeckle(&input, &mut cleared);
+        all.push(format!("{cleared:?}"));
+        let [lost, light, noise, factors, _] = results.each_mut().map(Vec::as_mut_slice);
+        let input = LitRow {
+            colour: planes.from(5),
+            counts: good,
+            own,
+            variance,
+        };
+        instruction_set.compare_light(&input, [lost, light, noise]);
+        instruction_set.find_factors(&planes.rows(10), noisy, factors);
+        all.push(format!("{results:?}"));
         all
     }
 

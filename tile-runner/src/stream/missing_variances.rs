@@ -110,7 +110,7 @@ impl Missing {
             let (target, colours) = held.variances_mut(row);
             if self.colour {
                 let good = &colours.good[columns.clone()];
-                let variances = &mut target.variance[columns.clone()];
+                let variances = &mut colours.variance[columns.clone()];
                 for ((variance, estimate), good) in
                     variances.iter_mut().zip(&block.colour[y]).zip(good)
                 {

@@ -1,6 +1,8 @@
 //! Rows to rows, through the few that are held: knows neither files nor channel names. [`pipeline`] is its heart.
 
 mod borders;
+mod finish;
+mod fireflies;
 mod held_rows;
 mod instruction_set;
 mod missing_variances;

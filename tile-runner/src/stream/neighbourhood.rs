@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use linpred_core::{
-    CELL, Formulas, HALO, LayerTile, POSITION, Pixel, PixelState, TILE, TILE_AREA, TILE_FEATURES,
-    Tile,
+    CELL, FEATURES, FeatureSet, Formulas, HALO, LayerTile, POSITION, Pixel, PixelState, TILE,
+    TILE_AREA, TILE_FEATURES, Tile,
 };
 
 use crate::geometry::ImageSize;
@@ -18,6 +18,8 @@ pub(crate) struct Neighbourhood<'a> {
     /// From the halo above the cells to the middle row of pixels, and from there to the halo below (see [`prepared_from`]).
     pub(crate) prepared: &'a [PreparedRows; 2],
     pub(crate) row: usize,
+    /// Whether models are to vary in the features that they see.
+    pub(crate) vary: bool,
 }
 
 /// The first row of the `piece`-th prepared rows. They are cut at the edges of halos, so that a row of cells with its halo lies in
@@ -89,6 +91,53 @@ impl Neighbourhood<'_> {
                 pixel.features[1] = ty as f32;
             }
         }
+        tile.sets_differ = self.vary && self.has_noisy_features(&columns);
+        if tile.sets_differ {
+            self.load_otherwise(tile, first, columns);
+        }
+    }
+
+    /// Whether a feature has noise in one of these columns of the rows that the cells read.
+    fn has_noisy_features(&self, columns: &Range<usize>) -> bool {
+        let first = (self.row * CELL).saturating_sub(HALO);
+        let end = self.size.height().min((self.row + 1) * CELL + HALO);
+        (first..end).any(|y| {
+            let row = self.held.guides(y as isize);
+            (0..FEATURES).any(|k| row.is_noisy(k, columns))
+        })
+    }
+
+    /// The features otherwise than prefiltered, of the image's `columns`, which begin in column `first` of the tile. Outside the image
+    /// nothing reads them.
+    fn load_otherwise(&self, tile: &mut Tile<TILE_FEATURES>, first: usize, columns: Range<usize>) {
+        let [smoothed, rendered] = &mut tile.otherwise;
+        let mut values = [0.0; TILE];
+        let values = &mut values[..columns.len()];
+        for ty in 0..TILE {
+            let y = (self.row * CELL + ty).checked_sub(HALO);
+            let Some(y) = y.filter(|y| *y < self.size.height()) else {
+                continue;
+            };
+            let from = ty * TILE + first;
+            let inside = from..from + columns.len();
+            for set in [&mut *smoothed, &mut *rendered] {
+                for (x, own) in (first..).zip(&mut set.value[inside.clone()]) {
+                    *own = [0.0; TILE_FEATURES];
+                    (own[0], own[1]) = (x as f32, ty as f32);
+                }
+                set.variance[inside.clone()].fill([0.0; TILE_FEATURES]);
+            }
+            let (prepared, guides) = (self.row(y).prepared, self.held.guides(y as isize));
+            for k in (0..FEATURES).filter(|k| !prepared.smoothed[*k].is_empty()) {
+                self.held
+                    .copy_feature(k, columns.start as isize, y as isize, values);
+                let noise = &guides.feature_variances[k][columns.clone()];
+                store_feature(rendered, inside.clone(), POSITION + k, values, noise);
+                let values = &prepared.smoothed[k][columns.clone()];
+                let noise = &prepared.smoothed_variances[k][columns.clone()];
+                store_feature(smoothed, inside.clone(), POSITION + k, values, noise);
+            }
+        }
     }
 
     pub(crate) fn load_layer(&self, tile: &mut LayerTile, layer: usize, column: usize) {
@@ -111,10 +160,26 @@ impl Neighbourhood<'_> {
     }
 }
 
+/// Stores feature `k` of a run of pixels.
+fn store_feature(
+    set: &mut FeatureSet<TILE_FEATURES>,
+    pixels: Range<usize>,
+    k: usize,
+    values: &[f32],
+    noise: &[f32],
+) {
+    for (own, value) in set.value[pixels.clone()].iter_mut().zip(values) {
+        own[k] = *value;
+    }
+    for (own, variance) in set.variance[pixels].iter_mut().zip(noise) {
+        own[k] = *variance;
+    }
+}
+
 /// A row of the image as cells read it.
 pub(crate) struct PixelRow<'a> {
     pub(crate) colours: &'a ColourRow,
-    prepared: &'a PreparedRow,
+    pub(crate) prepared: &'a PreparedRow,
 }
 
 impl PixelRow<'_> {

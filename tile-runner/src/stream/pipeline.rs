@@ -1,27 +1,29 @@
 //! From rows to rows, through the few that are held.
 //!
 //! ```text
-//! rows of input           19 k - 9 ................................ 19 (k + 2)     HeldRows (+ 5 to estimate variances)
+//! rows of input           19 k - 9 ................................ 19 (k + 2)     HeldRows (+ 4 to tell fireflies, + 5 to estimate variances)
 //!   weights, prefilter      19 k - 10 ............... 19 (k + 1) + 9                 2 x PreparedRows
 //!     cells of row k          19 k - 9 ............. 19 (k + 1) + 9                   SumRows
-//!       rows of output          19 k - 9 .. 19 (k + 1) - 9
+//!       blended                 19 k - 9 .. 19 (k + 1) - 9
+//!         rows of output          35 rows later                                       Finish
 //! ```
 //!
 //! Row k of cells needs the rows that its windows reach prepared, and those need a halo of their own. Once its
-//! predictions are added up, no later cell reaches the rows before `19 (k + 1) - 9`, and they leave.
+//! predictions are added up, no later cell reaches the rows before `19 (k + 1) - 9`: they are blended, and pass through the stages after
+//! that. The papers have none of those; by their formulas what is blended leaves.
 
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
-use linpred_core::{CELL, HALO, Params};
+use linpred_core::{CELL, Formulas, HALO, Params};
 use rayon::ThreadPool;
 use rayon::prelude::*;
 
 use crate::error::Error;
 use crate::row::{OutputRow, RowLayout, RowSink, RowSource};
+use crate::stream::finish::{self, Finish};
 use crate::stream::instruction_set::InstructionSet;
-use crate::stream::missing_variances::Missing;
-use crate::stream::preparation::{LOOK_BELOW, Preparation};
+use crate::stream::preparation::{LOOK_BELOW, Preparation, halo};
 use crate::stream::report::{Counts, Report};
 use crate::stream::resolved_row::{ROWS_PER_THREAD, ResolvedRow};
 use crate::stream::row_of_cells::CellBenches;
@@ -61,24 +63,35 @@ impl Default for Options {
 }
 
 /// Rows above or below a pixel that it can depend on, for an image whose rows hold `layout`: it lies in the halo of a cell, the
-/// cell's windows reach as far again, and what they read was prepared from a halo of its own.
+/// cell's windows reach as far again, and what they read was prepared from a halo of its own; the stages
+/// after the blend reach further.
 pub(crate) fn reach(layout: &RowLayout) -> usize {
     // counted from a pixel of the halo: to the far edge of the cell, and what lies beyond that
-    HALO + CELL + LOOK_BELOW + Missing::of(layout).halo()
+    HALO + CELL + LOOK_BELOW + halo(layout) + finish::LOOK_BELOW
 }
 
 /// Bytes that denoising an image takes at most, beside the source and the sink.
-pub(crate) fn bytes(layout: &RowLayout, threads: NonZeroUsize) -> u64 {
-    let threads = threads.get() as u64;
+pub(crate) fn bytes(layout: &RowLayout, options: &Options) -> u64 {
+    let batch = batch(options.threads);
+    let threads = options.threads.get() as u64;
     [
-        Preparation::bytes(layout, threads),
+        Preparation::bytes(layout, threads, options.params.vary_features),
         CellBenches::bytes(layout, threads),
         SumRows::bytes(layout),
-        OutputRow::bytes(layout).saturating_mul(threads.saturating_mul(ROWS_PER_THREAD as u64)),
+        OutputRow::bytes(layout).saturating_mul(batch as u64),
+        Finish::bytes(layout, batch),
         stack_bytes(threads),
     ]
     .into_iter()
     .fold(0, u64::saturating_add)
+}
+
+/// Rows that are blended and finished at a time: some for each thread, no more than a row of cells gives.
+fn batch(threads: NonZeroUsize) -> usize {
+    threads
+        .get()
+        .saturating_mul(ROWS_PER_THREAD)
+        .min(CELL + HALO)
 }
 
 /// Denoises every row of `source` into `sink`. `progress` is told how many rows have been written after each; when it
@@ -103,6 +116,7 @@ pub fn denoise(
         pipeline.write(&pool, sink, row, done, progress)?;
         pipeline.advance(row);
     }
+    pipeline.write_rest(&pool, sink, progress)?;
     Ok(pipeline.report)
 }
 
@@ -116,6 +130,9 @@ struct Pipeline {
     sums: SumRows,
     /// Rows that are worked out at a time.
     resolved: Vec<ResolvedRow>,
+    blended: usize,
+    /// The stages after that, if the formulas have any.
+    finish: Option<Finish>,
     written: usize,
     report: Report,
 }
@@ -123,16 +140,21 @@ struct Pipeline {
 impl Pipeline {
     fn new(layout: RowLayout, options: &Options) -> Self {
         let (instruction_set, threads) = (InstructionSet::detect(), options.threads);
+        let batch = batch(threads);
+        let finish = match options.params.formulas {
+            Formulas::Literal => None,
+            _ => Some(Finish::new(layout, batch, instruction_set)),
+        };
         Self {
             layout,
             params: options.params,
             instruction_set,
-            input: Preparation::new(layout, threads, instruction_set),
+            input: Preparation::new(layout, &options.params, threads, instruction_set),
             cells: CellBenches::new(&layout, threads),
             sums: SumRows::new(&layout),
-            resolved: (0..threads.get() * ROWS_PER_THREAD)
-                .map(|_| ResolvedRow::new(&layout))
-                .collect(),
+            resolved: (0..batch).map(|_| ResolvedRow::new(&layout)).collect(),
+            blended: 0,
+            finish,
             written: 0,
             report: Report {
                 counts: Counts {
@@ -159,7 +181,7 @@ impl Pipeline {
         self.report.fitting += predicted.time;
     }
 
-    /// Writes the rows before `end`.
+    /// Blends the rows before `end`, and writes those that can be finished then.
     fn write(
         &mut self,
         pool: &ThreadPool,
@@ -168,31 +190,32 @@ impl Pipeline {
         end: usize,
         progress: &mut dyn FnMut(usize) -> ControlFlow<()>,
     ) -> Result<(), Error> {
-        while self.written < end {
-            let rows = self.resolved.len().min(end - self.written);
-            pool.install(|| self.resolve(row, rows));
-            for resolved in &self.resolved[..rows] {
-                sink.write_row(self.written, &resolved.output)?;
-                self.report.counts.passed_through += resolved.counts.passed_through;
-                self.report.counts.repaired += resolved.counts.repaired;
-                self.written += 1;
-                if progress(self.written).is_break() {
-                    return Err(Error::Cancelled);
-                }
-            }
+        while self.blended < end {
+            let rows = self.resolved.len().min(end - self.blended);
+            pool.install(|| self.blend(row, rows));
+            let around = self.input.around(row);
+            let Some(finish) = &mut self.finish else {
+                let rows = self.resolved[..rows].iter().map(|row| &row.output);
+                write_rows(rows, &mut self.written, sink, progress)?;
+                continue;
+            };
+            let numbers = self.blended - rows..;
+            let rows = numbers.zip(&self.resolved[..rows]);
+            let rows: Vec<_> = rows.map(|(y, row)| (&row.output, around.row(y))).collect();
+            pool.install(|| finish.push(&rows));
+            write_rows(finish.rows(), &mut self.written, sink, progress)?;
         }
         Ok(())
     }
 
-    /// Works out the next `rows` rows of output.
-    fn resolve(&mut self, row: usize, rows: usize) {
+    /// Works out the next `rows` rows of predictions.
+    fn blend(&mut self, row: usize, rows: usize) {
         let (around, formulas) = (self.input.around(row), self.params.formulas);
-        let sums = self.sums.rows_from(self.written);
-        let rows: Vec<_> = (self.written..)
-            .zip(sums)
-            .zip(&mut self.resolved[..rows])
-            .collect();
-        rows.into_par_iter()
+        let sums = self.sums.rows_from(self.blended);
+        let resolved = &mut self.resolved[..rows];
+        let targets: Vec<_> = (self.blended..).zip(sums).zip(&mut *resolved).collect();
+        targets
+            .into_par_iter()
             .for_each(|((y, (own, before)), resolved)| {
                 if let Some(before) = before {
                     own.take(before);
@@ -200,6 +223,28 @@ impl Pipeline {
                 resolved.fill(&around.row(y), own, formulas);
                 own.clear();
             });
+        for row in resolved {
+            self.report.counts.passed_through += row.counts.passed_through;
+            self.report.counts.repaired += row.counts.repaired;
+        }
+        self.blended += rows;
+    }
+
+    /// Finishes and writes the rows that are left once all are blended.
+    fn write_rest(
+        &mut self,
+        pool: &ThreadPool,
+        sink: &mut dyn RowSink,
+        progress: &mut dyn FnMut(usize) -> ControlFlow<()>,
+    ) -> Result<(), Error> {
+        let Some(finish) = &mut self.finish else {
+            return Ok(());
+        };
+        while self.written < self.layout.size.height() {
+            pool.install(|| finish.advance());
+            write_rows(finish.rows(), &mut self.written, sink, progress)?;
+        }
+        Ok(())
     }
 
     /// Moves on to the next row of cells.
@@ -207,4 +252,21 @@ impl Pipeline {
         self.sums.advance();
         self.input.advance(row);
     }
+}
+
+/// Writes rows from row `written` on, which it counts.
+fn write_rows<'a>(
+    rows: impl Iterator<Item = &'a OutputRow>,
+    written: &mut usize,
+    sink: &mut dyn RowSink,
+    progress: &mut dyn FnMut(usize) -> ControlFlow<()>,
+) -> Result<(), Error> {
+    for row in rows {
+        sink.write_row(*written, row)?;
+        *written += 1;
+        if progress(*written).is_break() {
+            return Err(Error::Cancelled);
+        }
+    }
+    Ok(())
 }

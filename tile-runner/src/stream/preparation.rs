@@ -1,15 +1,15 @@
-//! The stages before the fit, for one row of cells after another: rows read, variances estimated, weights and features prepared.
+//! The stages before the fit, for one row of cells after another: rows read, fireflies taken out, variances estimated, weights and features prepared.
 //!
 //! What a run can skip is known from here on, so a survey of an image goes through the same stages as a run and counts what that
 //! will skip (see [`Counts`]).
 
 use std::num::NonZeroUsize;
 
-use linpred_core::{CELL, HALO};
+use linpred_core::{CELL, FIREFLY_HALO, Formulas, HALO, Params};
 
 use crate::error::Error;
-use crate::geometry::plane_bytes;
 use crate::row::{InputRow, RowLayout, RowSource};
+use crate::stream::fireflies::Fireflies;
 use crate::stream::held_rows::{ColourRow, GuideRow, HeldRows};
 use crate::stream::instruction_set::InstructionSet;
 use crate::stream::missing_variances::Missing;
@@ -17,21 +17,27 @@ use crate::stream::neighbourhood::{Neighbourhood, prepared_from};
 use crate::stream::prepared_rows::{BLOCK_HALO, BlockBench, PreparedRows};
 use crate::stream::report::Counts;
 
-/// Rows below a row of cells that its pixels depend on, beside those that variances are estimated from.
+/// Rows below a row of cells that its pixels depend on, beside those of [`halo`].
 pub(crate) const LOOK_BELOW: usize = HALO + BLOCK_HALO;
 
 /// Rows above the next row of cells of which more than the colours is held: what is prepared next begins
-/// a halo below the top of those cells.
-const GUIDES_ABOVE: usize = BLOCK_HALO - HALO;
+/// a halo below the top of those cells. Features as rendered are read by the cells themselves.
+const fn guides_above(vary: bool) -> usize {
+    if vary { HALO } else { BLOCK_HALO - HALO }
+}
+const _: () = assert!(BLOCK_HALO - HALO <= HALO);
 
 /// What is in memory of an image's input.
 pub(crate) struct Preparation {
     layout: RowLayout,
     instruction_set: InstructionSet,
+    vary: bool,
     missing: Missing,
     /// Rows whose variances are there.
     estimated: usize,
     held: HeldRows,
+    /// `None` where fireflies stay.
+    fireflies: Option<Fireflies>,
     /// The two pieces of prepared rows that the current row of cells reads.
     prepared: [PreparedRows; 2],
     benches: Vec<Box<BlockBench>>,
@@ -39,32 +45,37 @@ pub(crate) struct Preparation {
 }
 
 impl Preparation {
-    /// Nothing of an image yet, to be prepared on `threads` threads.
+    /// Nothing of an image yet, to be prepared on `threads` threads. Models may vary in the features that they see; the papers' formulas
+    /// know of no fireflies.
     pub(crate) fn new(
         layout: RowLayout,
+        params: &Params,
         threads: NonZeroUsize,
         instruction_set: InstructionSet,
     ) -> Self {
         Self {
             layout,
             instruction_set,
+            vary: params.vary_features,
             missing: Missing::of(&layout),
             estimated: 0,
             held: HeldRows::new(layout),
-            prepared: std::array::from_fn(|_| PreparedRows::new(&layout)),
+            fireflies: (params.formulas != Formulas::Literal).then(|| Fireflies::new(&layout)),
+            prepared: std::array::from_fn(|_| PreparedRows::new(&layout, params.vary_features)),
             benches: (0..threads.get()).map(|_| BlockBench::new()).collect(),
             input: InputRow::new(&layout),
         }
     }
 
     /// Bytes that it takes at most, on `threads` threads.
-    pub(crate) fn bytes(layout: &RowLayout, threads: u64) -> u64 {
+    pub(crate) fn bytes(layout: &RowLayout, threads: u64, vary: bool) -> u64 {
         let missing = Missing::of(layout);
-        let below = 2 * CELL + missing.halo();
+        let below = 2 * CELL + halo(layout);
         [
-            plane_bytes(layout.size, HALO + below, ColourRow::planes(layout)),
-            plane_bytes(layout.size, GUIDES_ABOVE + below, GuideRow::planes(layout)),
-            PreparedRows::bytes(layout).saturating_mul(2),
+            ColourRow::bytes(layout, HALO + below),
+            GuideRow::bytes(layout, guides_above(vary) + below),
+            Fireflies::bytes(layout),
+            PreparedRows::bytes(layout, vary).saturating_mul(2),
             InputRow::bytes(layout),
             missing.working_bytes(threads),
             threads.saturating_mul(size_of::<BlockBench>() as u64),
@@ -75,10 +86,13 @@ impl Preparation {
 
     /// Reads all that row `row` of cells depends on.
     pub(crate) fn read(&mut self, source: &mut dyn RowSource, row: usize) -> Result<(), Error> {
-        let end = needed(row) + self.missing.halo();
+        let end = needed(row) + halo(&self.layout);
         while self.held.next() < end.min(self.layout.size.height()) {
             source.read_row(self.held.next(), &mut self.input)?;
             self.held.push(&self.input);
+            if let Some(fireflies) = &mut self.fireflies {
+                fireflies.follow(&mut self.held);
+            }
         }
         Ok(())
     }
@@ -114,6 +128,7 @@ impl Preparation {
             held: &self.held,
             prepared: &self.prepared,
             row,
+            vary: self.vary,
         }
     }
 
@@ -121,11 +136,18 @@ impl Preparation {
     pub(crate) fn advance(&mut self, row: usize) {
         self.prepared.rotate_left(1);
         let next = (row + 1) * CELL;
-        self.held.drop_before(next - HALO, next - GUIDES_ABOVE);
+        self.held
+            .drop_before(next - HALO, next - guides_above(self.vary));
     }
 }
 
-/// The end of the rows that row `row` of cells depends on, beside those that variances are estimated from.
+/// Rows around others that must be there before anything is made of them: variances are estimated from some, and fireflies are told by
+/// those around each.
+pub(crate) fn halo(layout: &RowLayout) -> usize {
+    Missing::of(layout).halo() + FIREFLY_HALO
+}
+
+/// The end of the rows that row `row` of cells depends on, beside those of [`halo`].
 fn needed(row: usize) -> usize {
     (row + 1) * CELL + LOOK_BELOW
 }

@@ -29,6 +29,7 @@ pub(crate) struct PreparedRows {
     width: usize,
     /// Which features the image has.
     present: PerFeature,
+    vary: bool,
     rows: Vec<PreparedRow>,
 }
 
@@ -39,38 +40,47 @@ pub(crate) struct PreparedRow {
     pub(crate) tolerance: Vec<f32>,
     pub(crate) features: [Vec<f32>; FEATURES],
     pub(crate) feature_variances: [Vec<f32>; FEATURES],
+    /// The features smoothed more; empty if nobody asks for them.
+    pub(crate) smoothed: [Vec<f32>; FEATURES],
+    pub(crate) smoothed_variances: [Vec<f32>; FEATURES],
 }
 
 impl PreparedRow {
-    fn new(layout: &RowLayout) -> Self {
+    fn new(layout: &RowLayout, vary: bool) -> Self {
         let width = layout.size.width();
         let plane = || vec![0.0; width];
         let feature = |k: usize| vec![0.0; if layout.features[k] { width } else { 0 }];
+        let smoothed = |k: usize| if vary { feature(k) } else { Vec::new() };
         Self {
             weight: plane(),
             variance: plane(),
             tolerance: plane(),
             features: std::array::from_fn(feature),
             feature_variances: std::array::from_fn(feature),
+            smoothed: std::array::from_fn(smoothed),
+            smoothed_variances: std::array::from_fn(smoothed),
         }
     }
 }
 
 impl PreparedRows {
-    pub(crate) fn new(layout: &RowLayout) -> Self {
+    /// Rows to be prepared; with smoothed features, too, if models are to `vary` in what they see.
+    pub(crate) fn new(layout: &RowLayout, vary: bool) -> Self {
         Self {
             width: layout.size.width(),
             present: Feature::ALL.map(|feature| layout.has(feature)),
+            vary,
             rows: (0..BLOCK_HEIGHT)
-                .map(|_| PreparedRow::new(layout))
+                .map(|_| PreparedRow::new(layout, vary))
                 .collect(),
         }
     }
 
     /// Bytes of 19 rows.
-    pub(crate) fn bytes(layout: &RowLayout) -> u64 {
+    pub(crate) fn bytes(layout: &RowLayout, vary: bool) -> u64 {
         let features = layout.features.iter().filter(|present| **present).count();
-        plane_bytes(layout.size, BLOCK_HEIGHT, 3 + 2 * features)
+        let sets = if vary { 2 } else { 1 };
+        plane_bytes(layout.size, BLOCK_HEIGHT, 3 + 2 * sets * features)
     }
 
     /// Row `row` of the 19.
@@ -87,7 +97,7 @@ impl PreparedRows {
         instruction_set: InstructionSet,
         benches: &mut [Box<BlockBench>],
     ) -> Filled {
-        let (width, present) = (self.width, self.present);
+        let (width, present, vary) = (self.width, self.present, self.vary);
         // A block is stored row by row, so that threads wait for one another no longer than a row takes.
         let rows: Vec<_> = self.rows.iter_mut().map(Mutex::new).collect();
         let next = AtomicUsize::new(0);
@@ -104,7 +114,7 @@ impl PreparedRows {
                     x,
                     y: first_row,
                 };
-                bench.work_out(&source, &present, instruction_set);
+                bench.work_out(&source, &present, vary, instruction_set);
                 filled.count(&present, &bench.filtered);
                 for (row, target) in rows.iter().enumerate() {
                     // A thread that panicked takes the run down with it; the rows are of no use then.
@@ -151,6 +161,7 @@ pub(crate) struct BlockBench {
     single: FeatureGroup<1>,
     prepared: WeightBlock,
     results: [Filtered; Feature::ALL.len()],
+    smoothed: [Filtered; Feature::ALL.len()],
     /// Which features had noise; the others' results are not there.
     filtered: PerFeature,
 }
@@ -190,26 +201,34 @@ impl BlockBench {
             single: FeatureGroup::ZERO,
             prepared: WeightBlock::EMPTY,
             results: Feature::ALL.map(Filtered::new),
+            smoothed: Feature::ALL.map(Filtered::new),
             filtered: [false; Feature::ALL.len()],
         })
     }
 
-    fn work_out(&mut self, source: &Source, present: &PerFeature, instruction_set: InstructionSet) {
+    fn work_out(
+        &mut self,
+        source: &Source,
+        present: &PerFeature,
+        vary: bool,
+        instruction_set: InstructionSet,
+    ) {
         source.load_colours(&mut self.colours);
         instruction_set.weigh_samples(&self.colours, &mut self.prepared);
         for (place, feature) in Feature::ALL.into_iter().enumerate() {
             let channels = feature.range();
             self.filtered[place] = present[place]
                 && source.is_noisy(&channels)
-                && match &mut self.results[place] {
-                    Filtered::One(result) => {
+                && match (&mut self.results[place], &mut self.smoothed[place]) {
+                    (Filtered::One(result), Filtered::One(smoothed)) => {
                         source.load_features(&channels, &mut self.single);
-                        instruction_set.prefilter(&self.single, result)
+                        instruction_set.prefilter(&self.single, result, vary.then_some(smoothed))
                     }
-                    Filtered::Three(result) => {
+                    (Filtered::Three(result), Filtered::Three(smoothed)) => {
                         source.load_features(&channels, &mut self.triple);
-                        instruction_set.prefilter(&self.triple, result)
+                        instruction_set.prefilter(&self.triple, result, vary.then_some(smoothed))
                     }
+                    _ => unreachable!("both were made for the same feature"),
                 };
         }
     }
@@ -223,19 +242,36 @@ impl BlockBench {
         store(&mut target.weight, &self.prepared.weight);
         store(&mut target.variance, &self.prepared.variance);
         store(&mut target.tolerance, &self.prepared.tolerance);
-        let results = self.results.iter().zip(self.filtered);
-        for (feature, (result, filtered)) in Feature::ALL.into_iter().zip(results) {
-            let (values, variances) = result.planes();
-            for (k, (value, variance)) in feature.range().zip(values.iter().zip(variances)) {
-                let own = &mut target.features[k];
-                if filtered {
-                    store(own, value);
-                    store(&mut target.feature_variances[k], variance);
-                } else if !own.is_empty() {
-                    let y = source.y + row as isize;
-                    let own = &mut own[columns.clone()];
-                    source.held.copy_feature(k, source.x as isize, y, own);
-                    target.feature_variances[k][columns.clone()].fill(0.0);
+        let y = source.y + row as isize;
+        let sets = [
+            (
+                &self.results,
+                &mut target.features,
+                &mut target.feature_variances,
+            ),
+            (
+                &self.smoothed,
+                &mut target.smoothed,
+                &mut target.smoothed_variances,
+            ),
+        ];
+        for (results, own, own_variances) in sets {
+            let results = results.iter().zip(self.filtered);
+            for (feature, (result, filtered)) in Feature::ALL.into_iter().zip(results) {
+                let (values, variances) = result.planes();
+                for (k, (value, variance)) in feature.range().zip(values.iter().zip(variances)) {
+                    let (own, own_variance) = (&mut own[k], &mut own_variances[k]);
+                    if own.is_empty() {
+                        continue;
+                    }
+                    if filtered {
+                        store(own, value);
+                        store(own_variance, variance);
+                    } else {
+                        let own = &mut own[columns.clone()];
+                        source.held.copy_feature(k, source.x as isize, y, own);
+                        own_variance[columns.clone()].fill(0.0);
+                    }
                 }
             }
         }
@@ -260,7 +296,7 @@ impl Source<'_> {
             let y = self.y + row as isize - WEIGHTS_HALO as isize;
             let (colours, guides) = (self.held.colours(y), self.held.guides(y));
             copy_clamped(&guides.luminance, first, &mut block.luminance[row][..WIDTH]);
-            copy_clamped(&guides.variance, first, &mut block.variance[row][..WIDTH]);
+            copy_clamped(&colours.variance, first, &mut block.variance[row][..WIDTH]);
             copy_clamped(&colours.good, first, &mut block.good[row][..WIDTH]);
         }
     }

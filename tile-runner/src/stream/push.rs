@@ -4,7 +4,7 @@
 //! the pipeline on threads of its own between two ends: [`Push`] takes rows from the top, [`Denoised`] is an iterator over rows from the top.
 //! Both ends hold a bounded number of rows, so the memory is that of the pipeline and of the rows in flight.
 //!
-//! A row comes out some sixty rows after it went in, and a full pipeline makes its ends wait: push and pull on different threads. Whatever the
+//! A row comes out some hundred rows after it went in, and a full pipeline makes its ends wait: push and pull on different threads. Whatever the
 //! order in which the pixels became ready, the bits are those of [`pipeline::denoise`].
 
 use std::ops::ControlFlow;

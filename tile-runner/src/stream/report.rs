@@ -27,7 +27,7 @@ impl Report {
 }
 
 /// What of an image a run works on, and what it skips. It depends on the image alone, not on the quality or on threads; the papers'
-/// formulas skip no cell.
+/// formulas skip no cell and know no fireflies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
@@ -38,6 +38,8 @@ pub struct Counts {
     pub passed_through: u64,
     /// Pixels with a NaN or infinite colour, predicted from their neighbours.
     pub repaired: u64,
+    /// Pixels far brighter than all around by no more than a sample, predicted from their neighbours.
+    pub fireflies: u64,
     /// Cells of 19 x 19 pixels.
     pub cells: u64,
     /// Of those, the ones that hold no noise: nothing is fitted in them.
@@ -49,9 +51,10 @@ pub struct Counts {
 }
 
 impl Counts {
-    /// Counts a pixel of the image.
-    pub(crate) fn add_pixel(&mut self, state: PixelState) {
+    /// Counts a pixel of the image, which may be bad because it is a firefly.
+    pub(crate) fn add_pixel(&mut self, state: PixelState, is_firefly: bool) {
         self.passed_through += u64::from(state == PixelState::Clean);
-        self.repaired += u64::from(state == PixelState::Bad);
+        self.repaired += u64::from(state == PixelState::Bad && !is_firefly);
+        self.fireflies += u64::from(is_firefly);
     }
 }

@@ -29,7 +29,7 @@ impl ResolvedRow {
         self.counts = Counts::default();
         for (x, sum) in sums.colour.iter().enumerate() {
             let pixel = row.pixel::<0>(x);
-            self.counts.add_pixel(pixel.state);
+            self.counts.add_pixel(pixel.state, row.colours.firefly[x]);
             let denoised = resolve(&pixel, sum, formulas);
             for (plane, value) in self.output.colour.iter_mut().zip(denoised.colour) {
                 plane[x] = value;

@@ -55,4 +55,9 @@ impl<T> RowRing<T> {
     pub(crate) fn row_mut(&mut self, y: usize) -> &mut T {
         &mut self.rows[y - self.first]
     }
+
+    /// The rows from `y` on, with their numbers, to be filled.
+    pub(crate) fn rows_from_mut(&mut self, y: usize) -> impl Iterator<Item = (usize, &mut T)> {
+        (y..).zip(self.rows.iter_mut().skip(y - self.first))
+    }
 }

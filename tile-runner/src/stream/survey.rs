@@ -4,7 +4,7 @@ use std::fmt;
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
-use linpred_core::{CELL, FEATURE_NAMES, FEATURES, Formulas, PixelState};
+use linpred_core::{CELL, FEATURE_NAMES, FEATURES, Formulas, Params, PixelState};
 
 use crate::error::Error;
 use crate::row::{RowLayout, RowSource};
@@ -18,12 +18,14 @@ use crate::stream::threads::{pool, stack_bytes};
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Survey {
-    /// What a run will count, but for the papers' formulas, which skip no cell.
+    /// What a run will count, but for the papers' formulas, which skip no cell and know no fireflies.
     #[cfg_attr(feature = "serde", serde(flatten))]
     pub counts: Counts,
     /// Column and row, from the top left of the data window, of the first pixel with a NaN or infinite colour.
     pub first_repaired: Option<[usize; 2]>,
-    /// The smallest and the largest radiance, of any channel.
+    /// The same of the first firefly.
+    pub first_firefly: Option<[usize; 2]>,
+    /// The smallest and the largest radiance, of any channel; fireflies left out.
     pub radiance: Option<[f32; 2]>,
     /// The same of the variances that a run works with: of the mean, the three channels' added up, estimated if the file has none.
     pub variance: Option<[f32; 2]>,
@@ -38,7 +40,7 @@ pub struct Survey {
 /// Bytes that a survey takes at most, beside the source.
 pub(crate) fn bytes(layout: &RowLayout, threads: NonZeroUsize) -> u64 {
     let threads = threads.get() as u64;
-    Preparation::bytes(layout, threads).saturating_add(stack_bytes(threads))
+    Preparation::bytes(layout, threads, false).saturating_add(stack_bytes(threads))
 }
 
 /// Surveys the rows of `source`, each of which is read once, on `threads` threads, whose number changes nothing. `progress` is told how many
@@ -51,7 +53,8 @@ pub fn survey(
     let pool = pool(threads)?;
     let layout = source.layout();
     let height = layout.size.height();
-    let mut input = Preparation::new(layout, threads, InstructionSet::detect());
+    let params = Params::default().with_vary_features(false);
+    let mut input = Preparation::new(layout, &params, threads, InstructionSet::detect());
     let mut found = Findings::new(layout);
     for row in 0..height.div_ceil(CELL) {
         input.read(source, row)?;
@@ -70,6 +73,7 @@ struct Findings {
     layout: RowLayout,
     counts: Counts,
     first_repaired: Option<[usize; 2]>,
+    first_firefly: Option<[usize; 2]>,
     radiance: Extremes,
     variance: Extremes,
     coloured: bool,
@@ -86,6 +90,7 @@ impl Findings {
                 ..Counts::default()
             },
             first_repaired: None,
+            first_firefly: None,
             radiance: Extremes::EMPTY,
             variance: Extremes::EMPTY,
             coloured: false,
@@ -109,13 +114,18 @@ impl Findings {
     }
 
     fn add_colours(&mut self, around: &Neighbourhood, y: usize) {
-        let variances = &around.held.guides(y as isize).variance;
+        let variances = &around.held.colours(y as isize).variance;
         let row = around.row(y);
         for (x, variance) in variances.iter().enumerate() {
             let pixel = row.pixel::<0>(x);
-            self.counts.add_pixel(pixel.state);
+            let is_firefly = row.colours.firefly[x];
+            self.counts.add_pixel(pixel.state, is_firefly);
             if pixel.state == PixelState::Bad {
-                self.first_repaired.get_or_insert([x, y]);
+                let first = match is_firefly {
+                    true => &mut self.first_firefly,
+                    false => &mut self.first_repaired,
+                };
+                first.get_or_insert([x, y]);
                 continue;
             }
             let [red, green, blue] = pixel.colour;
@@ -143,6 +153,7 @@ impl Findings {
         Survey {
             counts: self.counts,
             first_repaired: self.first_repaired,
+            first_firefly: self.first_firefly,
             radiance: self.radiance.ends(),
             variance: self.variance.ends(),
             grey: !self.coloured,
@@ -198,6 +209,13 @@ impl fmt::Display for Survey {
             writeln!(
                 f,
                 "  not finite        {repaired} pixels, the first at x {x}, y {y}: predicted from their neighbours"
+            )?;
+        }
+        if let Some([x, y]) = self.first_firefly {
+            let fireflies = counts.fireflies;
+            writeln!(
+                f,
+                "  fireflies         {fireflies} pixels, the first at x {x}, y {y}: predicted from their neighbours"
             )?;
         }
         let cells = percent(counts.cells_skipped, counts.cells);

@@ -154,7 +154,7 @@ fn filtered_groups() {
     }
     let mut filtered = Box::new(FilteredGroup::ZERO);
     counted(&mut || {
-        black_box(prefilter(&group, &mut filtered));
+        black_box(prefilter(&group, &mut filtered, None));
     });
     black_box(&filtered);
 }

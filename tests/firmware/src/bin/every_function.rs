@@ -11,9 +11,11 @@ use core::hint::black_box;
 
 use cortex_m_rt::entry;
 use linpred_core::{
-    ColourBlock, FeatureGroup, FilteredGroup, Gram, NoiseBlock, NoisyBlock, NormalEquations,
-    WeightBlock, Prior, Rls, SymmetricEigen, estimate_colour_noise, estimate_feature_noise,
-    prefilter, weigh_samples,
+    ColourBlock, ComparedRow, FIREFLY_ROWS, FeatureGroup, FilteredGroup, FinishedPlane, Gram,
+    LitRow, NoiseBlock, NoisyBlock, NormalEquations, Precisions, Prior, Rls, SMOOTHINGS, SpeckRow,
+    Surroundings, SymmetricEigen, WeightBlock, compare_light, despeckle, estimate_colour_noise,
+    estimate_feature_noise, find_factors, find_fireflies, level_of, prefilter, smooth,
+    weigh_pixels, weigh_samples,
 };
 
 fn recursion<const T: usize>() {
@@ -65,12 +67,66 @@ fn decomposition<const D: usize>() {
 }
 
 fn filtered<const N: usize>(group: &mut FeatureGroup<N>, filtered: &mut FilteredGroup<N>) {
-    let _ = black_box(prefilter(black_box(group), black_box(filtered)));
+    let _ = black_box(prefilter(black_box(group), black_box(filtered), None));
 }
 
 fn estimates(noisy: &mut NoisyBlock, noise: &mut NoiseBlock) {
     estimate_feature_noise(black_box(noisy), black_box(noise));
     estimate_colour_noise(black_box(noisy), black_box(noise));
+}
+
+fn fireflies(found: &mut [bool; 5]) {
+    let row = black_box([1.0; 13]);
+    let rows: [&[f32]; FIREFLY_ROWS] = [black_box(&row[..]); FIREFLY_ROWS];
+    find_fireflies(&rows, black_box(Some(&row[..])), black_box(&mut found[..]));
+}
+
+/// The stages after the blend, on planes whose lengths nothing is known of, either.
+fn finished(plane: &[f32], outputs: &mut [&mut [f32]; 5]) {
+    let plane = || black_box(plane);
+    let [a, b, c, d, e] = black_box(outputs);
+    let pass = black_box(&SMOOTHINGS[0]);
+    let input = Surroundings {
+        colour: [[plane(); 3]; 3],
+        error: [plane(); 5],
+        level: plane(),
+        noisy: plane(),
+        features: [[plane(); 7]; 3],
+        feature_variance: [plane(); 3],
+    };
+    let mut output = Precisions {
+        takes_part: &mut **a,
+        colour: &mut **b,
+        features: [&mut **c, &mut **d, &mut **e],
+    };
+    weigh_pixels(pass, black_box(&input), &mut output);
+    let row = ComparedRow::outside(plane());
+    let mut smoothed = [FinishedPlane {
+        rows: [plane(); 7],
+        output: &mut **a,
+    }];
+    smooth(pass, black_box(&[row; 7]), &mut smoothed);
+    let row = SpeckRow {
+        colour: [[plane(); 3]; 3],
+        noisy: plane(),
+        good: plane(),
+        own: plane(),
+        variance: plane(),
+    };
+    let mut cleared = [FinishedPlane {
+        rows: [plane(); 3],
+        output: &mut **b,
+    }];
+    despeckle(black_box(&row), &mut cleared);
+    let row = LitRow {
+        colour: [plane(); 3],
+        counts: plane(),
+        own: plane(),
+        variance: plane(),
+    };
+    compare_light(black_box(&row), [&mut **a, &mut **b, &mut **c]);
+    find_factors(black_box(&[[plane(); 33]; 3]), plane(), d);
+    black_box(level_of(black_box(1.0)));
 }
 
 #[entry]
@@ -84,11 +140,16 @@ fn main() -> ! {
     static mut FILTERED_SINGLE: FilteredGroup<1> = FilteredGroup::ZERO;
     static mut NOISY: NoisyBlock = NoisyBlock::BLACK;
     static mut NOISE: NoiseBlock = NoiseBlock::NONE;
+    static mut FIREFLIES: [bool; 5] = [false; 5];
+    static mut PLANES: [[f32; 128]; 6] = [[0.0; 128]; 6];
+    let [plane, a, b, c, d, e] = PLANES;
     loop {
+        finished(plane, &mut [a, b, c, d, e]);
         weigh_samples(black_box(COLOURS), black_box(PREPARED));
         filtered(TRIPLE, FILTERED_TRIPLE);
         filtered(SINGLE, FILTERED_SINGLE);
         estimates(NOISY, NOISE);
+        fireflies(FIREFLIES);
         recursion::<1>();
         recursion::<5>();
         recursion::<10>();
