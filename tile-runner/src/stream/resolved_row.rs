@@ -39,8 +39,10 @@ impl ResolvedRow {
             self.output.rank[x] = denoised.rank;
             for (k, layer) in self.output.layers.iter_mut().enumerate() {
                 let (sums, own) = (sums.layers[k][x], &row.colours.layers[k]);
-                for (c, plane) in layer.iter_mut().enumerate() {
-                    plane[x] = resolve_layer(&pixel, sum, formulas, sums[c], own[c][x]);
+                let own = own.each_ref().map(|plane| plane[x]);
+                let resolved = resolve_layer(&pixel, sum, formulas, &sums, &own);
+                for (plane, value) in layer.iter_mut().zip(resolved) {
+                    plane[x] = value;
                 }
             }
         }

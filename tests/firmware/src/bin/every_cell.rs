@@ -34,8 +34,8 @@ fn cell(
             pixel,
             sum,
             params.formulas,
-            black_box(1.0),
-            1.0,
+            &black_box([1.0; 3]),
+            &[1.0; 3],
         ));
     }
 }
