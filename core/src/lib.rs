@@ -108,6 +108,6 @@ pub use least_squares::prior::Prior;
 pub use least_squares::rls::{Rls, Taken};
 pub use params::{Formulas, Params, Quality};
 pub use tile::{
-    CELL, CHANNELS, FeatureSet, HALO, Pixel, PixelState, RADIUS, SETS, TILE, TILE_AREA, Tile,
-    WINDOW_AREA,
+    CELL, CHANNELS, FeatureSet, HALO, OtherFeatures, Pixel, PixelState, RADIUS, SETS, TILE,
+    TILE_AREA, Tile, WINDOW_AREA,
 };

@@ -1,16 +1,16 @@
 //! What a user may choose.
 
-/// How many models must predict a pixel before it gets none of its own.
+/// How well a pixel must be predicted before it gets no model of its own: [`Params::coverage`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Quality {
-    /// One model: the papers' sparse placement.
+    /// Well by one model: the papers' sparse placement.
     Fast,
-    /// Four models.
+    /// Well by three.
     #[default]
     Balanced,
-    /// Sixteen models.
+    /// Well by sixteen.
     High,
 }
 
@@ -37,7 +37,10 @@ pub enum Formulas {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Params {
-    /// Models that must predict a pixel before it gets none of its own; 0 counts as 1, more than 361 as 361.
+    /// Confidence that a pixel's predictions must add up to before it gets no model of its own; 0 counts as 1.
+    ///
+    /// A prediction that seems without error counts for up to 2.8, one that is off by half of the pixel's variance for 1, a bad one for next to
+    /// nothing; with [`Formulas::Literal`], each for 1. No pixel has more than 361.
     pub coverage: u16,
     /// C of the perturbation bound: features' singular values below C times the norm of their noise are dropped (WLR
     /// section 4). 0 keeps all.
@@ -57,13 +60,13 @@ impl Params {
     pub const fn new(quality: Quality) -> Self {
         let coverage = match quality {
             Quality::Fast => 1,
-            Quality::Balanced => 4,
+            Quality::Balanced => 3,
             Quality::High => 16,
         };
         Self {
             coverage,
             truncation: 0.75,
-            gradient_strength: 0.006,
+            gradient_strength: 0.01,
             intercept_strength: 1e-3,
             vary_features: !matches!(quality, Quality::Fast),
             formulas: Formulas::Robust,

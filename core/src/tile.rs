@@ -71,14 +71,14 @@ pub struct Tile<const D: usize> {
     pub pixels: [Pixel<D>; TILE_AREA],
     /// Variance that each pixel's features have kept, in the square of their units; 0 for the position.
     pub feature_variance: [[f32; D]; TILE_AREA],
-    /// The same features otherwise: smoothed more, and as rendered. Models that differ in what they see are wrong in different places.
-    pub otherwise: [FeatureSet<D>; SETS - 1],
-    /// Whether `otherwise` holds features. If not, every model sees those of `pixels`.
-    pub sets_differ: bool,
 }
 
 /// Sets of features that models are shared out over: prefiltered, smoothed more, as rendered.
 pub const SETS: usize = 3;
+
+/// The features of a tile otherwise than its pixels have them: smoothed more, and as rendered. Models that differ in what they see are wrong in
+/// different places.
+pub type OtherFeatures<const D: usize> = [FeatureSet<D>; SETS - 1];
 
 /// The features of a tile's pixels, position included, and the variance left in them.
 #[derive(Clone, Debug, PartialEq)]
@@ -90,7 +90,8 @@ pub struct FeatureSet<const D: usize> {
 }
 
 impl<const D: usize> FeatureSet<D> {
-    const EMPTY: Self = Self {
+    /// Zeros.
+    pub const EMPTY: Self = Self {
         value: [[0.0; D]; TILE_AREA],
         variance: [[0.0; D]; TILE_AREA],
     };
@@ -101,8 +102,6 @@ impl<const D: usize> Tile<D> {
     pub const EMPTY: Self = Self {
         pixels: [Pixel::OUTSIDE; TILE_AREA],
         feature_variance: [[0.0; D]; TILE_AREA],
-        otherwise: [const { FeatureSet::EMPTY }; SETS - 1],
-        sets_differ: false,
     };
 
     /// The pixel at `y * TILE + x`; beyond the tile, one outside the image.
@@ -110,23 +109,40 @@ impl<const D: usize> Tile<D> {
     pub(crate) fn pixel_at(&self, position: usize) -> &Pixel<D> {
         self.pixels.get(position).unwrap_or(&Pixel::OUTSIDE)
     }
+}
 
-    /// The features of set `set` at `y * TILE + x`; beyond the tile, those of [`pixel_at`](Self::pixel_at).
+/// A tile and the sets of features that its models see.
+#[derive(Clone, Copy)]
+pub(crate) struct Seen<'a, const D: usize> {
+    pub(crate) tile: &'a Tile<D>,
+    /// `None` where every model sees the features of the tile's pixels.
+    pub(crate) otherwise: Option<&'a OtherFeatures<D>>,
+}
+
+impl<'a, const D: usize> Seen<'a, D> {
+    /// Set `set`, if it is not that of the tile's pixels.
     #[inline(always)]
-    pub(crate) fn features_at(&self, set: usize, position: usize) -> &[f32; D] {
-        let otherwise = set.checked_sub(1).and_then(|set| self.otherwise.get(set));
-        match otherwise.and_then(|features| features.value.get(position)) {
+    fn other(&self, set: usize) -> Option<&'a FeatureSet<D>> {
+        let otherwise = self.otherwise?;
+        set.checked_sub(1).and_then(|set| otherwise.get(set))
+    }
+
+    /// The features of set `set` at `y * TILE + x`; beyond the tile, those of [`Tile::pixel_at`].
+    #[inline(always)]
+    pub(crate) fn features_at(&self, set: usize, position: usize) -> &'a [f32; D] {
+        let other = self.other(set);
+        match other.and_then(|features| features.value.get(position)) {
             Some(features) => features,
-            None => &self.pixel_at(position).features,
+            None => &self.tile.pixel_at(position).features,
         }
     }
 
     /// The variances of set `set`.
     #[inline(always)]
-    pub(crate) fn variance_of(&self, set: usize) -> &[[f32; D]; TILE_AREA] {
-        match set.checked_sub(1).and_then(|set| self.otherwise.get(set)) {
+    pub(crate) fn variance_of(&self, set: usize) -> &'a [[f32; D]; TILE_AREA] {
+        match self.other(set) {
             Some(features) => &features.variance,
-            None => &self.feature_variance,
+            None => &self.tile.feature_variance,
         }
     }
 }

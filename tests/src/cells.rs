@@ -1,7 +1,8 @@
 //! Tiles made of a few values over and over, and the core run on them.
 
 use linpred_core::{
-    Cells, Denoised, LayerTile, Params, PixelState, Predictions, Scratch, TILE_AREA, resolve,
+    Cells, Denoised, FeatureSet, LayerTile, OtherFeatures, Params, PixelState, Predictions,
+    Scratch, TILE_AREA, resolve,
 };
 
 /// Features of a pixel.
@@ -43,6 +44,8 @@ pub fn denoise(tile: &Tile, params: &Params) -> Cell {
 pub struct Job {
     /// What is denoised.
     pub tile: Box<Tile>,
+    /// Other features, for models that vary in what they see.
+    pub otherwise: Option<Box<OtherFeatures<FEATURES>>>,
     /// What follows it.
     pub layers: Vec<LayerTile>,
     /// What the models predict.
@@ -60,6 +63,7 @@ impl Job {
         }
         Self {
             tile,
+            otherwise: None,
             layers,
             predictions,
             models: None,
@@ -109,6 +113,10 @@ impl Cells<FEATURES> for Queue<'_> {
         &self.jobs[self.lanes[lane]].tile
     }
 
+    fn otherwise(&self, lane: usize) -> Option<&OtherFeatures<FEATURES>> {
+        self.jobs[self.lanes[lane]].otherwise.as_deref()
+    }
+
     fn results(&mut self, lane: usize) -> (&mut Predictions, &mut [LayerTile]) {
         let job = &mut self.jobs[self.lanes[lane]];
         (&mut job.predictions, &mut job.layers)
@@ -130,6 +138,19 @@ pub fn denoise_side_by_side<const L: usize>(jobs: &mut [Job], order: &[usize], p
     };
     let mut scratch = Box::new(Scratch::<FEATURES, L>::new());
     linpred_core::denoise_cells(&mut queue, params, &mut scratch);
+}
+
+/// The features of a tile and their variances as every other set, each value changed by `change`.
+pub fn otherwise(tile: &Tile, change: impl Fn(f32) -> f32) -> Box<OtherFeatures<FEATURES>> {
+    let mut set = FeatureSet::EMPTY;
+    for (value, pixel) in set.value.iter_mut().zip(&tile.pixels) {
+        // The position is no feature that a renderer writes.
+        for (k, (own, value)) in value.iter_mut().zip(pixel.features).enumerate() {
+            *own = if k < 2 { value } else { change(value) };
+        }
+    }
+    set.variance = tile.feature_variance;
+    Box::new([set.clone(), set])
 }
 
 /// A tile whose values are `values` again and again, within what a tile may hold: what is not finite is taken

@@ -19,6 +19,16 @@ struct Sample {
 }
 
 impl Sample {
+    /// Its weight; without one, that of the window's darkest.
+    fn own_weight(&self) -> f64 {
+        if self.weight > 0.0 { self.weight } else { 1.0 }
+    }
+
+    /// Variance relative to the radiance around.
+    fn noise(&self) -> f64 {
+        self.variance * self.own_weight() + 1e-6
+    }
+
     fn valid(&self) -> bool {
         self.weight > 0.0
     }
@@ -336,18 +346,17 @@ impl Window {
             .collect();
         let unit = self.radiance_scale;
         let own_variance = (model.terms as f64 / pixels as f64).min(1.0);
-        let expected = self.mean_distance(&predicted);
+        let excess = self.mean_excess(&predicted);
         let printed = self.printed_variance(model);
         (0..pixels)
             .map(|i| {
                 let sample = &self.samples[i];
-                let noise = sample.variance * sample.weight + 1e-6;
-                let bias =
-                    self.bias_around(i, &predicted, expected) + printed * sample.weight / noise;
+                let squared = self.squared_bias_around(i, &predicted);
+                let bias = excess + (squared + printed * sample.own_weight()) / sample.noise();
                 let ring = (0..).find(|&r| i < pixels_within(r)).unwrap_or(0);
                 let agreement = if sample.valid() {
                     let squared = distance(&predicted[i], &sample.y);
-                    1.0 / (1.0 + squared / (4.0 * sample.tolerance + f64::from(f32::MIN_POSITIVE)))
+                    1.0 / (1.0 + squared / (6.0 * sample.tolerance + f64::from(f32::MIN_POSITIVE)))
                 } else {
                     1.0
                 };
@@ -358,12 +367,14 @@ impl Window {
                         Formulas::Robust if self.goes_below(i, &predicted[i]) => 0.0,
                         Formulas::Robust => {
                             let edge = ring as f64 / (model.radius + 1) as f64;
-                            agreement * (1.0 - 0.5 * edge * edge) * (bias + 0.5).powf(-1.5)
+                            agreement * (1.0 - 0.7 * edge * edge) * (bias + 0.5).powf(-1.5)
                         }
                         Formulas::Literal => 1.0,
                         other => panic!("{other:?} has no definition"),
                     },
-                    error: (bias + own_variance) * sample.variance / (unit * unit) / 3.0,
+                    error: (squared + printed + own_variance * sample.variance)
+                        / (unit * unit)
+                        / 3.0,
                 }
             })
             .collect()
@@ -390,35 +401,38 @@ impl Window {
         channels.sum()
     }
 
-    /// Mean over the valid 3 x 3 and 25 pixels that are as expected of squared error in units of variance, less 1.
-    fn bias_around(&self, i: usize, predicted: &[[f64; 3]], expected: f64) -> f64 {
+    /// Square of the mean residual over the valid pixels of the prediction window in the 5 x 5 around, summed over the channels, less the noise's
+    /// share of it.
+    fn squared_bias_around(&self, i: usize, predicted: &[[f64; 3]]) -> f64 {
         let offsets = ring_order();
         let near = (0..predicted.len()).filter(|&k| {
             let ((ax, ay), (bx, by)) = (offsets[i], offsets[k]);
-            self.samples[k].valid() && (ax - bx).abs() <= 1 && (ay - by).abs() <= 1
+            self.samples[k].valid() && (ax - bx).abs() <= 2 && (ay - by).abs() <= 2
         });
-        let (mut sum, mut count) = (25.0 * expected, 25.0);
+        let (mut sums, mut count) = ([0.0; 3], 0.0);
         for k in near {
-            sum += self.relative_distance(k, &predicted[k]);
+            for ((sum, predicted), y) in sums.iter_mut().zip(predicted[k]).zip(self.samples[k].y) {
+                *sum += predicted - y;
+            }
             count += 1.0;
         }
-        (sum / count - 1.0).max(0.0)
+        let squares: f64 = sums.iter().map(|sum| sum * sum).sum();
+        let pixels = f64::max(count, 1.0);
+        f64::max(
+            squares / (pixels * pixels) - self.samples[i].variance / pixels,
+            0.0,
+        )
     }
 
-    /// Mean over the valid pixels of the prediction window of squared errors in units of variance, each at most 100.
-    fn mean_distance(&self, predicted: &[[f64; 3]]) -> f64 {
-        let valid = (0..predicted.len()).filter(|&k| self.samples[k].valid());
+    /// Mean over the valid pixels of the prediction window of squared errors in units of variance, each at most 100, less 1.
+    fn mean_excess(&self, predicted: &[[f64; 3]]) -> f64 {
+        let valid = self.samples.iter().zip(predicted);
         let distances: Vec<f64> = valid
-            .map(|k| self.relative_distance(k, &predicted[k]).min(100.0))
+            .filter(|(sample, _)| sample.valid())
+            .map(|(sample, p)| (distance(p, &sample.y) * sample.weight / sample.noise()).min(100.0))
             .collect();
-        distances.iter().sum::<f64>() / distances.len().max(1) as f64
-    }
-
-    /// Squared error of a prediction in units of the pixel's variance.
-    fn relative_distance(&self, k: usize, predicted: &[f64; 3]) -> f64 {
-        let sample = &self.samples[k];
-        let squared = distance(predicted, &sample.y) * sample.weight;
-        squared / (sample.variance * sample.weight + 1e-6)
+        let mean = distances.iter().sum::<f64>() / distances.len().max(1) as f64;
+        (mean - 1.0).max(0.0)
     }
 
     /// A layer as it follows the model: the same fit to its own radiance.

@@ -5,7 +5,7 @@ use std::ops::{ControlFlow, Range};
 
 use linpred::survey::{Survey, survey};
 use linpred::{
-    Error, FEATURES, ImageSize, InputRow, Options, OutputRow, Report, RowLayout, RowSink,
+    Error, FEATURES, Feature, ImageSize, InputRow, Options, OutputRow, Report, RowLayout, RowSink,
     RowSource, VarianceKind, denoise,
 };
 use linpred_core::Params;
@@ -40,6 +40,37 @@ pub struct Output {
     pub rows: Vec<OutputRow>,
     /// The counts.
     pub report: Report,
+}
+
+/// A wall of `side` x `side` pixels, whose normals say nothing, and of which every pixel has `samples` samples, `sample(x, y, i)` the i-th.
+pub fn sampled(
+    side: usize,
+    variance: VarianceKind,
+    samples: usize,
+    sample: impl Fn(usize, usize, usize) -> f32,
+) -> Frame {
+    let size = ImageSize::new(side, side).expect("not empty");
+    let layout = RowLayout::new(size, variance).with_feature(Feature::Normal);
+    let mut rows = vec![InputRow::new(&layout); side];
+    for (y, row) in rows.iter_mut().enumerate() {
+        row.features[2].fill(1.0);
+        for x in 0..side {
+            let values: Vec<f32> = (0..samples).map(|i| sample(x, y, i)).collect();
+            let count = samples as f32;
+            let mean = values.iter().sum::<f32>() / count;
+            let squares = values.iter().map(|v| (v - mean).powi(2)).sum::<f32>();
+            row.colour.iter_mut().for_each(|plane| plane[x] = mean);
+            let of_mean = squares / (count - 1.0) / count;
+            if variance != VarianceKind::Estimated {
+                row.variance.iter_mut().for_each(|plane| plane[x] = of_mean);
+            }
+        }
+    }
+    Frame {
+        layout,
+        rows,
+        truth: Vec::new(),
+    }
 }
 
 /// A ball before a chequered wall under a soft shadow, and how it is sampled.

@@ -197,12 +197,16 @@ fn corner_means(input: &ColourBlock, y: usize) -> BlockRow {
 #[inline(always)]
 fn sums_5x5(plane: &ColourPlane, y: usize) -> [f32; BLOCK_COLUMNS + CORNER_SPAN - 1] {
     const FIRST: usize = WEIGHTS_HALO - (CORNER_SPAN - 1);
+    let mut sums = [0.0; BLOCK_COLUMNS + CORNER_SPAN - 1];
+    let rows = plane.get(y..).and_then(<[_]>::first_chunk::<CORNER_SPAN>);
+    let Some([a, b, c, d, e]) = rows else {
+        debug_assert!(false, "no five rows from {y} on");
+        return sums;
+    };
     let mut down = [0.0; INPUT_COLUMNS];
     for x in 0..INPUT_COLUMNS {
-        let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|k| plane[y + k][x]);
-        down[x] = (a + b) + (c + d) + e;
+        down[x] = (a[x] + b[x]) + (c[x] + d[x]) + e[x];
     }
-    let mut sums = [0.0; BLOCK_COLUMNS + CORNER_SPAN - 1];
     for x in 0..sums.len() {
         let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|k| down[x + FIRST + k]);
         sums[x] = (a + b) + (c + d) + e;

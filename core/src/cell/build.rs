@@ -9,7 +9,7 @@ use crate::cell::rings::{Centre, Centres, RING_STEPS};
 use crate::cell::window::Colours;
 use crate::params::{Formulas, Params};
 
-/// Builds the models of the windows around the centres, and returns the half-widths of their prediction windows.
+/// Builds the models of the windows around the centres.
 ///
 /// A window pays for its rank or, between others, for the largest of theirs: terms of 0 change no bit. A single lane is for small
 /// machines, where one size of code counts for more than speed.
@@ -19,7 +19,7 @@ pub(crate) fn build_models<const D: usize, const L: usize>(
     centres: &Centres<L>,
     params: &Params,
     scratch: &mut Scratch<D, L>,
-) -> [usize; L] {
+) {
     let largest = scratch.basis.rank.iter().fold(0, |a, b| a.max(*b));
     match if L == 1 { D } else { largest } {
         0..=2 => build_with_terms::<3, D, L>(cells, centres, params, scratch),
@@ -41,14 +41,12 @@ fn build_with_terms<const T: usize, const D: usize, const L: usize>(
     centres: &Centres<L>,
     params: &Params,
     scratch: &mut Scratch<D, L>,
-) -> [usize; L] {
+) {
     if const { T <= D + 2 } {
         match params.formulas {
             Formulas::Robust => build::<Systems<T, L>, T, D, L>(cells, centres, params, scratch),
             Formulas::Literal => build::<Lpr, T, D, L>(cells, centres, params, scratch),
         }
-    } else {
-        [0; L]
     }
 }
 
@@ -59,7 +57,7 @@ fn build<F: Fit<T, D, L>, const T: usize, const D: usize, const L: usize>(
     centres: &Centres<L>,
     params: &Params,
     scratch: &mut Scratch<D, L>,
-) -> [usize; L] {
+) {
     let layers = cells.results(0).1.len();
     let windows = &mut scratch.windows;
     let (models, fit) = F::fit(windows, &scratch.basis, params, layers > 0);
@@ -78,7 +76,6 @@ fn build<F: Fit<T, D, L>, const T: usize, const D: usize, const L: usize>(
             }
         }
     }
-    models.radius
 }
 
 /// The lanes that have a model, and their centres.

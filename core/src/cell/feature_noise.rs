@@ -2,7 +2,7 @@
 
 use crate::cell::rings::{Centre, Centres};
 use crate::lanes::Vector;
-use crate::tile::{CELL, RADIUS, SETS, TILE, Tile};
+use crate::tile::{CELL, RADIUS, SETS, Seen, TILE};
 
 /// Pixels along a window.
 const SPAN: usize = 2 * RADIUS + 1;
@@ -31,10 +31,10 @@ impl<const D: usize> FeatureNoise<D> {
 
     /// Computes the sums of a tile's cell, over its set `set` of features.
     #[inline(always)]
-    fn fill(&mut self, tile: &Tile<D>, set: usize) {
+    fn fill(&mut self, seen: &Seen<D>, set: usize) {
         *self = Self::NONE;
-        let rows = tile.pixels.chunks_exact(TILE);
-        let variances = tile.variance_of(set).chunks_exact(TILE);
+        let rows = seen.tile.pixels.chunks_exact(TILE);
+        let variances = seen.variance_of(set).chunks_exact(TILE);
         for (y, (pixels, own)) in rows.zip(variances).enumerate() {
             let mut variances = [[0.0; D]; TILE];
             let mut noisy = false;
@@ -68,10 +68,10 @@ impl<const D: usize> FeatureNoise<D> {
 
 /// Computes the sums of a tile's cell over each of its sets of features.
 #[inline(always)]
-pub(crate) fn fill<const D: usize>(noise: &mut [FeatureNoise<D>; SETS], tile: &Tile<D>) {
-    let sets = if tile.sets_differ { SETS } else { 1 };
+pub(crate) fn fill<const D: usize>(noise: &mut [FeatureNoise<D>; SETS], seen: &Seen<D>) {
+    let sets = if seen.otherwise.is_some() { SETS } else { 1 };
     for (set, noise) in noise.iter_mut().enumerate().take(sets) {
-        noise.fill(tile, set);
+        noise.fill(seen, set);
     }
 }
 

@@ -6,7 +6,8 @@ use crate::cell::feature_space::Basis;
 use crate::cell::placement::Placement;
 use crate::cell::prediction::PredictionWindows;
 use crate::cell::window::Windows;
-use crate::tile::{SETS, Tile};
+use crate::params::Params;
+use crate::tile::{OtherFeatures, SETS, Seen, Tile};
 
 /// Working memory of `L` cells of `D` features at a time, lent by the caller; its contents carry nothing from one cell
 /// to the next.
@@ -53,8 +54,27 @@ pub trait Cells<const D: usize> {
     fn next(&mut self, lane: usize) -> bool;
     /// The tile in `lane`; any tile while the lane has no cell.
     fn tile(&self, lane: usize) -> &Tile<D>;
+    /// Other features of that tile, for models that vary in what they see (see [`Params::vary_features`](crate::Params::vary_features)). `None`, unless implemented:
+    /// all see those of the tile.
+    fn otherwise(&self, lane: usize) -> Option<&OtherFeatures<D>> {
+        let _ = lane;
+        None
+    }
     /// The predictions of the cell in `lane`, and the layers that follow it: the same number in every lane.
     fn results(&mut self, lane: usize) -> (&mut Predictions, &mut [LayerTile]);
     /// The cell in `lane` is finished; `models` models were built for it.
     fn done(&mut self, lane: usize, models: u32);
+}
+
+/// What the models of the cell in `lane` see.
+#[inline(always)]
+pub(crate) fn seen<'a, const D: usize>(
+    cells: &'a impl Cells<D>,
+    lane: usize,
+    params: &Params,
+) -> Seen<'a, D> {
+    Seen {
+        tile: cells.tile(lane),
+        otherwise: cells.otherwise(lane).filter(|_| params.vary_features),
+    }
 }

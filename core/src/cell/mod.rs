@@ -26,7 +26,7 @@ mod window;
 use crate::blend::Predictions;
 use crate::cell::build::build_models;
 use crate::cell::feature_space::find_basis;
-use crate::cell::lent::{Cells, Scratch};
+use crate::cell::lent::{Cells, Scratch, seen};
 use crate::cell::rings::{Centre, Centres};
 use crate::params::Params;
 
@@ -44,7 +44,7 @@ pub fn denoise_cells<const D: usize, const L: usize>(
     scratch.forget_cells();
     let mut more = true;
     while let Some(centres) = next_centres(cells, params, scratch, &mut more) {
-        let tiles = core::array::from_fn(|lane| cells.tile(lane));
+        let tiles = core::array::from_fn(|lane| seen(cells, lane, params));
         let extent = scratch.windows.read(&tiles, &centres);
         let variances = feature_noise::around(&scratch.noise, &centres);
         find_basis(
@@ -54,10 +54,7 @@ pub fn denoise_cells<const D: usize, const L: usize>(
             params.truncation,
             &mut scratch.basis,
         );
-        let radii = build_models(cells, &centres, params, scratch);
-        for (placement, radius) in scratch.placements.iter_mut().zip(radii) {
-            placement.cover(radius);
-        }
+        build_models(cells, &centres, params, scratch);
     }
 }
 
@@ -88,7 +85,7 @@ fn next_centre<const D: usize, const L: usize>(
     let placement = scratch.placements.get_mut(lane)?;
     let noise = scratch.noise.get_mut(lane)?;
     loop {
-        if let Some(centre) = placement.next(params.coverage) {
+        if let Some(centre) = placement.next(params.coverage, cells.results(lane).0) {
             return Some(centre);
         }
         if let Some(models) = placement.finish() {
@@ -98,8 +95,9 @@ fn next_centre<const D: usize, const L: usize>(
         if !*more {
             return None;
         }
-        placement.start(cells.tile(lane), params);
-        feature_noise::fill(noise, cells.tile(lane));
+        let seen = seen(cells, lane, params);
+        placement.start(&seen, params.formulas);
+        feature_noise::fill(noise, &seen);
         *cells.results(lane).0 = Predictions::NONE;
     }
 }

@@ -8,7 +8,7 @@ use crate::tile::Tile;
 
 /// Predicts one cell into `predictions` and the layers' sums, and returns how many models that took: [`denoise_cells`] for one.
 ///
-/// Overwrites what `predictions` and the sums held.
+/// Overwrites what `predictions` and the sums held. All models see the features of the tile: to have them vary, implement [`Cells::otherwise`].
 #[inline(always)]
 pub fn denoise_cell<const D: usize>(
     tile: &Tile<D>,

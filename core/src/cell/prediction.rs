@@ -12,15 +12,11 @@ use crate::cell::rings::{Centre, RING_STEPS, RINGS, window_pixels};
 use crate::cell::window::{Colours, Sample, Windows};
 use crate::lanes::{Lanes, Rgb, Vector, lanes_stay_innermost};
 use crate::params::Formulas;
-use crate::tile::{RADIUS, WINDOW_AREA};
+use crate::tile::{CHANNELS, RADIUS, WINDOW_AREA};
 
 /// Squared distance, in units of a pixel's tolerance, at which a prediction that the pixel itself speaks against loses
-/// half its confidence (measured: 1.5^2 to 3^2; less costs light, for dark samples outnumber bright ones).
-const DISAGREEMENT: f32 = 4.0;
-
-/// Pixels as which the mean over the whole prediction window counts beside the nine whose squared distances make a local error: nine alone
-/// are so noisy that the luckiest model wins, the window alone is blind to where the model fails (measured: 5 to 40 alike, 25 the fewest specks).
-const WINDOW_SHARE: f32 = 25.0;
+/// half its confidence (measured: 2^2 to 3^2 alike; less costs light, for dark samples outnumber bright ones).
+const DISAGREEMENT: f32 = 6.0;
 
 /// A squared distance enters the mean over the window no larger than this, in units of the pixel's variance, so that one pixel does not
 /// speak for all (measured: 20 to 500 alike).
@@ -28,7 +24,7 @@ const LARGEST_DISTANCE: f32 = 100.0;
 
 /// Part of its confidence that a prediction would lose one ring beyond its window: a model is at its best around its centre (measured: 0.5 to
 /// 0.9 alike).
-const EDGE_LOSS: f32 = 0.5;
+const EDGE_LOSS: f32 = 0.7;
 
 /// Where the pixel is nowhere negative, a prediction loses its confidence if a channel is below this part of the magnitudes of all
 /// three: a plane drawn beyond a dark edge (measured: 0.03 to 0.3 alike).
@@ -37,8 +33,13 @@ const NEGATIVE: f32 = -0.1;
 /// Relative to a variance of 0 every error is infinite: this part of the squared radiance bounds it.
 const LEAST_VARIANCE: f32 = 1e-6;
 
-/// Side of a prediction window with a margin of one.
-const SIDE: usize = 2 * RADIUS + 3;
+/// Half-width of the pixels around a prediction whose mean residual says how far off its model is there (measured: 2 and 3 alike, 1 follows
+/// the noise).
+const NEAR: usize = 2;
+const NEAR_SPAN: usize = 2 * NEAR + 1;
+
+/// Side of a prediction window with a margin of [`NEAR`].
+const SIDE: usize = 2 * (RADIUS + NEAR) + 1;
 
 /// One lane of a colour.
 #[inline(always)]
@@ -52,7 +53,7 @@ fn of_lane<const L: usize>([r, g, b]: &Rgb<L>, l: usize) -> [f32; 3] {
     }
 }
 
-/// Position of each pixel of a window in raster order with a margin of one, ring after ring.
+/// Position of each pixel of a window in raster order with a margin of [`NEAR`], ring after ring.
 const RASTER: [usize; WINDOW_AREA] = raster();
 
 const fn raster() -> [usize; WINDOW_AREA] {
@@ -60,7 +61,7 @@ const fn raster() -> [usize; WINDOW_AREA] {
     let mut i = 0;
     while i < WINDOW_AREA {
         let (column, row) = RINGS[i];
-        let centre = RADIUS as isize + 1;
+        let centre = (RADIUS + NEAR) as isize;
         positions[i] =
             ((centre + row as isize) * SIDE as isize + centre + column as isize) as usize;
         i += 1;
@@ -70,8 +71,9 @@ const fn raster() -> [usize; WINDOW_AREA] {
 
 /// What all predictions of a model have in common.
 struct Common<const L: usize> {
-    /// Squared distances of [`WINDOW_SHARE`] pixels that are as those of the window are on average.
-    expected: Lanes<L>,
+    /// Squared residuals without the noise, on average over the window, in units of the pixels' variance: how far the model is to be
+    /// believed, but no estimate of its error, for a few bright samples make all of it.
+    excess: Lanes<L>,
     /// Part of its confidence that a prediction loses, per ring squared.
     edge_loss: Lanes<L>,
     /// The fit's own variance, in units of the pixels': on average over its window, its terms' share of the noise.
@@ -93,6 +95,14 @@ fn goes_below<const L: usize>(sample: &Sample<L>, [r, g, b]: [f32; 3], l: usize)
     lit && least < NEGATIVE * (r.abs() + g.abs() + b.abs())
 }
 
+/// A pixel's weight, that of its surroundings, and its variance times that, which is relative to the radiance around.
+#[inline(always)]
+fn relative_noise<const L: usize>(sample: &Sample<L>, l: usize) -> (f32, f32) {
+    let weight = sample.weight[l];
+    let weight = if weight > 0.0 { weight } else { 1.0 };
+    (weight, sample.variance[l] * weight + LEAST_VARIANCE)
+}
+
 /// The ring of pixel `i` of a window.
 #[inline(always)]
 fn ring_of(i: usize) -> f32 {
@@ -101,6 +111,9 @@ fn ring_of(i: usize) -> f32 {
     let (column, row) = offset.copied().unwrap_or((0, 0));
     f32::from(column.unsigned_abs().max(row.unsigned_abs()))
 }
+
+/// Residuals of some pixels, red green blue, and how many there are.
+type Residual<const L: usize> = [Lanes<L>; CHANNELS + 1];
 
 /// The predictions of the models of `L` windows, ring after ring, and the confidence in each.
 #[repr(C, align(64))]
@@ -111,11 +124,10 @@ pub(crate) struct PredictionWindows<const L: usize> {
     confidence: Vector<WINDOW_AREA, L>,
     /// Estimated squared error times the confidence.
     error: Vector<WINDOW_AREA, L>,
-    /// Squared distance between prediction and pixel over the pixel's variance, raster order with a margin.
-    distance: Vector<{ SIDE * SIDE }, L>,
-    /// 1 where `distance` has a pixel.
-    known: Vector<{ SIDE * SIDE }, L>,
-    /// Sum of the distances over the prediction window, each cut at [`LARGEST_DISTANCE`].
+    /// What each prediction is above its pixel, raster order with a margin; in the end the sums over the [`NEAR_SPAN`] x
+    /// [`NEAR_SPAN`] from each on.
+    residuals: [Residual<L>; SIDE * SIDE],
+    /// Sum over the prediction window of the squared residuals over the pixels' variances, each cut at [`LARGEST_DISTANCE`].
     total: Lanes<L>,
     /// Pixels in that sum.
     pixels: Lanes<L>,
@@ -126,8 +138,7 @@ impl<const L: usize> PredictionWindows<L> {
         colour: [[[0.0; L]; 3]; WINDOW_AREA],
         confidence: [[0.0; L]; WINDOW_AREA],
         error: [[0.0; L]; WINDOW_AREA],
-        distance: [[0.0; L]; SIDE * SIDE],
-        known: [[0.0; L]; SIDE * SIDE],
+        residuals: [[[0.0; L]; CHANNELS + 1]; SIDE * SIDE],
         total: [0.0; L],
         pixels: [0.0; L],
     };
@@ -141,8 +152,7 @@ impl<const L: usize> PredictionWindows<L> {
         basis: &Basis<D, L>,
         formulas: Formulas,
     ) {
-        self.distance = [[0.0; L]; SIDE * SIDE];
-        self.known = [[0.0; L]; SIDE * SIDE];
+        self.residuals = [[[0.0; L]; CHANNELS + 1]; SIDE * SIDE];
         self.total = [0.0; L];
         self.pixels = [0.0; L];
         let widest = models.radius.iter().fold(0, |a, b| a.max(*b));
@@ -165,49 +175,48 @@ impl<const L: usize> PredictionWindows<L> {
             lanes_stay_innermost();
         }
         let common = self.common(models, windows, basis);
+        self.sum_residuals(widest);
         self.rate(&common, &windows.samples, formulas, widest);
     }
 
     /// Compares a prediction of each model with its pixel; `pixels` of each window are predicted.
     #[inline(always)]
     fn judge(&mut self, i: usize, colour: &Rgb<L>, sample: &Sample<L>, pixels: &Lanes<L>) {
-        let (Some(confidence), Some(&position)) = (self.confidence.get_mut(i), RASTER.get(i))
+        let place = RASTER.get(i).copied().unwrap_or(usize::MAX);
+        let (Some(confidence), Some(residual)) =
+            (self.confidence.get_mut(i), self.residuals.get_mut(place))
         else {
             debug_assert!(false, "{i} is not in the window");
             return;
         };
-        let (Some(distance), Some(known)) = (
-            self.distance.get_mut(position),
-            self.known.get_mut(position),
-        ) else {
-            debug_assert!(false, "{position} is beyond the margin");
-            return;
-        };
         let (place, mut squared) = (i as f32, [0.0; L]);
-        for c in 0..3 {
+        let mut known = [0.0; L];
+        for l in 0..L {
+            let inside = if place < pixels[l] { 1.0 } else { 0.0 };
+            known[l] = if sample.weight[l] > 0.0 { inside } else { 0.0 };
+        }
+        for c in 0..CHANNELS {
             for l in 0..L {
                 let difference = colour[c][l] - sample.colour[c][l];
                 squared[l] += difference * difference;
+                residual[c][l] = if known[l] > 0.0 { difference } else { 0.0 };
             }
         }
+        residual[CHANNELS] = known;
         for l in 0..L {
             let valid = sample.weight[l] > 0.0;
             let squared = if valid { squared[l] } else { 0.0 };
             let disagreement = squared / (DISAGREEMENT * sample.tolerance[l] + f32::MIN_POSITIVE);
             confidence[l] = 1.0 / (1.0 + disagreement);
-            let noise = sample.variance[l] * sample.weight[l] + LEAST_VARIANCE;
-            let relative = squared * sample.weight[l] / noise;
-            let inside = if place < pixels[l] { 1.0 } else { 0.0 };
-            let known_here = if valid { inside } else { 0.0 };
-            let relative = if known_here > 0.0 { relative } else { 0.0 };
-            distance[l] = relative;
-            known[l] = known_here;
+            let (weight, noise) = relative_noise(sample, l);
+            let relative = squared * weight / noise;
+            let relative = if known[l] > 0.0 { relative } else { 0.0 };
             self.total[l] += if relative < LARGEST_DISTANCE {
                 relative
             } else {
                 LARGEST_DISTANCE
             };
-            self.pixels[l] += known_here;
+            self.pixels[l] += known[l];
         }
     }
 
@@ -221,7 +230,7 @@ impl<const L: usize> PredictionWindows<L> {
         widest: usize,
     ) {
         for (i, sample) in samples.iter().enumerate().take(window_pixels(widest)) {
-            let mut bias = self.local_error(i, &common.expected);
+            let near = self.squared_bias(i, &sample.variance);
             let (Some(confidence), Some(error), Some(colour)) = (
                 self.confidence.get_mut(i),
                 self.error.get_mut(i),
@@ -232,17 +241,17 @@ impl<const L: usize> PredictionWindows<L> {
             };
             let ring = ring_of(i);
             for l in 0..L {
-                let noise = sample.variance[l] * sample.weight[l] + LEAST_VARIANCE;
-                bias[l] += common.printed[l] * sample.weight[l] / noise;
+                let (weight, noise) = relative_noise(sample, l);
+                let bias = common.excess[l] + (near[l] + common.printed[l] * weight) / noise;
                 let own = match formulas {
                     Formulas::Robust => {
                         let share = 1.0 - common.edge_loss[l] * ring * ring;
-                        confidence[l] * share * blend::confidence(bias[l] + ERROR_SOFTENING)
+                        confidence[l] * share * blend::confidence(bias + ERROR_SOFTENING)
                     }
                     Formulas::Literal => 1.0,
                 };
-                let squared =
-                    (bias[l] + common.fit_variance[l]) * sample.variance[l] * common.per_channel[l];
+                let variance = common.fit_variance[l] * sample.variance[l];
+                let squared = (near[l] + common.printed[l] + variance) * common.per_channel[l];
                 let (r, g, b) = (colour[0][l] * own, colour[1][l] * own, colour[2][l] * own);
                 let squared = squared * own;
                 // Not a number, too, where two of them are infinite.
@@ -268,17 +277,16 @@ impl<const L: usize> PredictionWindows<L> {
         basis: &Basis<D, L>,
     ) -> Common<L> {
         let mut common = Common {
-            expected: [0.0; L],
+            excess: [0.0; L],
             edge_loss: [0.0; L],
             fit_variance: [0.0; L],
             printed: printed_variance(&models.coefficients, basis),
             per_channel: [0.0; L],
         };
         for l in 0..L {
-            // 0 / 0 in a window without a pixel to judge by.
-            let mean = self.total[l] / self.pixels[l];
-            common.expected[l] = if self.pixels[l] > 0.0 {
-                WINDOW_SHARE * mean
+            let excess = self.total[l] - self.pixels[l];
+            common.excess[l] = if excess > 0.0 {
+                excess / self.pixels[l]
             } else {
                 0.0
             };
@@ -292,31 +300,67 @@ impl<const L: usize> PredictionWindows<L> {
         common
     }
 
-    /// Squared error without the noise, in units of the pixel's variance: the mean over the 3 x 3 pixels around and [`WINDOW_SHARE`] pixels
-    /// that are as the window is on average, `expected` in all, less 1.
+    /// Sums the residuals over [`NEAR_SPAN`] x [`NEAR_SPAN`] pixels, into the first of them; every window is within `widest` rings.
     #[inline(always)]
-    fn local_error(&self, i: usize, expected: &Lanes<L>) -> Lanes<L> {
-        let centre = RASTER.get(i);
-        debug_assert!(centre.is_some(), "{i} is not in the window");
-        let centre = centre.copied().unwrap_or(0);
-        let (mut sum, mut count) = (*expected, [WINDOW_SHARE; L]);
-        for row in 0..3 {
-            let from = (centre + row * SIDE).wrapping_sub(SIDE + 1);
-            for at in from..from + 3 {
-                if let (Some(distance), Some(known)) = (self.distance.get(at), self.known.get(at)) {
-                    for l in 0..L {
-                        sum[l] += distance[l];
-                        count[l] += known[l];
-                    }
+    fn sum_residuals(&mut self, widest: usize) {
+        let (first, span) = (RADIUS - widest.min(RADIUS), 2 * widest.min(RADIUS) + 1);
+        for y in first..first + span + 2 * NEAR {
+            for x in first..first + span {
+                self.sum_five(y * SIDE + x, 1);
+            }
+        }
+        for y in first..first + span {
+            for x in first..first + span {
+                self.sum_five(y * SIDE + x, SIDE);
+            }
+        }
+    }
+
+    /// Sums the residuals of five pixels, one `step` from the next, into the first of them.
+    #[inline(always)]
+    fn sum_five(&mut self, at: usize, step: usize) {
+        let mut sums = [[0.0; L]; CHANNELS + 1];
+        for k in 0..NEAR_SPAN {
+            let Some(residual) = self.residuals.get(at + k * step) else {
+                debug_assert!(false, "{at} is beyond the margin");
+                return;
+            };
+            for c in 0..CHANNELS + 1 {
+                for l in 0..L {
+                    sums[c][l] += residual[c][l];
                 }
             }
         }
-        let mut error = [0.0; L];
-        for l in 0..L {
-            let excess = sum[l] / count[l] - 1.0;
-            error[l] = if excess > 0.0 { excess } else { 0.0 };
+        if let Some(first) = self.residuals.get_mut(at) {
+            *first = sums;
         }
-        error
+        lanes_stay_innermost();
+    }
+
+    /// The square of the model's bias around pixel `i`, summed over the channels: that of its mean residual there, less the noise's share of it.
+    ///
+    /// It is compared with the pixel's noise without the pixel's weight, which is 1 where the window's surroundings are darkest: a model that spans
+    /// dark and bright has to do better in the bright, or it washes highlights out.
+    ///
+    /// The mean of the squared residuals exceeds the variance by the same, but varies itself by sqrt(2 / n) of the variance over n pixels, more
+    /// where the noise is skewed; the square of their mean by 1 / n.
+    #[inline(always)]
+    fn squared_bias(&self, i: usize, variance: &Lanes<L>) -> Lanes<L> {
+        const MARGIN: usize = NEAR * SIDE + NEAR;
+        let place = RASTER.get(i).map(|centre| centre - MARGIN);
+        let Some([red, green, blue, pixels]) = place.and_then(|place| self.residuals.get(place))
+        else {
+            debug_assert!(false, "{i} is not in the window");
+            return [0.0; L];
+        };
+        let mut bias = [0.0; L];
+        for l in 0..L {
+            let squares = red[l] * red[l] + green[l] * green[l] + blue[l] * blue[l];
+            let pixels = if pixels[l] > 1.0 { pixels[l] } else { 1.0 };
+            let excess = squares / (pixels * pixels) - variance[l] / pixels;
+            bias[l] = if excess > 0.0 { excess } else { 0.0 };
+        }
+        bias
     }
 
     /// Adds the predictions of lane `l`, around `centre`, to its cell's.

@@ -8,7 +8,7 @@
 use crate::cell::rings::{Centre, Centres, RINGS};
 use crate::float::sqrt;
 use crate::lanes::{Lanes, Rgb, Vector, lanes_stay_innermost};
-use crate::tile::{Pixel, RADIUS, TILE, Tile, WINDOW_AREA};
+use crate::tile::{Pixel, RADIUS, Seen, TILE, WINDOW_AREA};
 
 /// Radiance over each window, ring after ring.
 pub(crate) type Colours<const L: usize> = [Rgb<L>; WINDOW_AREA];
@@ -80,7 +80,7 @@ impl<const D: usize, const L: usize> Windows<D, L> {
 
     /// Reads the window around each centre; a lane without one has no valid pixel.
     #[inline(always)]
-    pub(crate) fn read(&mut self, tiles: &[&Tile<D>; L], centres: &Centres<L>) -> Extent<D, L> {
+    pub(crate) fn read(&mut self, seen: &[Seen<D>; L], centres: &Centres<L>) -> Extent<D, L> {
         let positions = centres.map(|centre| centre.map_or(BEYOND, Centre::position));
         let sets = centres.map(|centre| centre.map_or(0, |centre| usize::from(centre.set)));
         let mut extent = Extent {
@@ -103,8 +103,8 @@ impl<const D: usize, const L: usize> Windows<D, L> {
                 let mut guides = [const { &[0.0; D] }; L];
                 for l in 0..L {
                     let position = positions[l].wrapping_add_signed(step);
-                    pixels[l] = tiles[l].pixel_at(position);
-                    guides[l] = tiles[l].features_at(sets[l], position);
+                    pixels[l] = seen[l].tile.pixel_at(position);
+                    guides[l] = seen[l].features_at(sets[l], position);
                 }
                 let read = Read {
                     features: guides,

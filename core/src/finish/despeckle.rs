@@ -1,7 +1,7 @@
 //! Takes out single pixels that stand out of all their neighbours and that their own radiance does not account for.
 //!
 //! The blend leaves pinholes and sparks where every prediction was ruled out, or one that should have been was not. With l the mean
-//! of the channels, a pixel brighter than 1.3 times the brightest of its eight neighbours is scaled down to that, and one darker than the
+//! of the channels, a pixel brighter than 1.15 times the brightest of its eight neighbours is scaled down to that, and one darker than the
 //! darkest by as much is scaled up, unless the noisy pixel says so, too: by more than two of its standard deviations.
 //!
 //! A pixel that is black among lit ones has no colour to scale and takes that of its neighbours. One that is not finite in the input has
@@ -22,7 +22,7 @@ pub const DESPECKLE_SPAN: usize = 2 * DESPECKLE_RADIUS + 1;
 const WIDE: usize = RUN + 2 * DESPECKLE_RADIUS;
 
 /// By how much a pixel may stand out of its neighbours.
-const OUTSTANDING: f32 = 1.3;
+const OUTSTANDING: f32 = 1.15;
 /// Squared standard deviations by which a pixel has to support it.
 const SUPPORT: f32 = 2.0 * 2.0;
 /// A pixel below this part of its neighbours is black: it has no colour that could be scaled.

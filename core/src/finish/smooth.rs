@@ -13,12 +13,11 @@
 //! The precisions are, with `m` the mean radiance over 3 x 3 and a tenth of the level around, and `e` the mean over 5 x 5,
 //!
 //! ```text
-//! c = strength / 4 / (3 m^2 t),   t = 0.49 e / m^2, from 0.005^2 to 0.2^2
+//! c = strength / 4 / (3 m^2 t),   t = e / m^2, at most 0.2^2
 //! p = strength / 2 / (2 s + a^2)
 //! ```
 //!
-//! with s the variance left in a feature and a what it may differ by on one surface. The lower bound of t is e / m^2 if that is less: as the
-//! error goes to 0, so does what smoothing changes.
+//! with s the variance left in a feature and a what it may differ by on one surface. As the error goes to 0, so does what smoothing changes.
 //!
 //! A pixel without noise neither changes nor counts, and nor does one with a negative channel: what is not negative stays so, and
 //! layers, smoothed with the weights of their colour, still sum to it.
@@ -75,16 +74,13 @@ pub(crate) const REACH: usize = SMOOTH_RADIUS * SMOOTHINGS[1].step;
 
 /// Share of the level around in the radiance that grain is measured by.
 const LEVEL_SHARE: f32 = 0.1;
-/// Squared grain as a part of the estimated squared error, which errs to the safe side.
-const ERROR_SHARE: f32 = 0.49;
-/// Relative grain is at least this, where the error is, and at most that.
-const LEAST_GRAIN: f32 = 0.005;
+/// Grain is at most this part of the radiance.
 const MOST_GRAIN: f32 = 0.2;
 
 /// What normals may differ by on one surface, beside their noise; they have length 1.
 const NORMAL_SLACK: f32 = 0.08;
 /// The same of albedos, which are parts of the light.
-const ALBEDO_SLACK: f32 = 0.025;
+const ALBEDO_SLACK: f32 = 0.015;
 /// The same of depths, in any unit, as a part of the depth.
 const DEPTH_SLACK: f32 = 0.05;
 /// The depth among the features.
@@ -165,9 +161,7 @@ fn weigh_colours(
         let mean = radiance[x] + LEVEL_SHARE * level[x];
         let square = mean * mean;
         let error = pass.error_left * error[x];
-        let least = smaller(LEAST_GRAIN * LEAST_GRAIN * square, error);
-        let grain = larger(ERROR_SHARE * error, least);
-        let grain = 3.0 * smaller(grain, MOST_GRAIN * MOST_GRAIN * square);
+        let grain = 3.0 * smaller(error, MOST_GRAIN * MOST_GRAIN * square);
         let usable = (f32::MIN_POSITIVE..=f32::MAX).contains(&grain);
         let positive = red[x] >= 0.0 && green[x] >= 0.0 && blue[x] >= 0.0;
         precision[x] = if usable {

@@ -39,7 +39,7 @@ impl Method {
 
     /// linpred's parameters, for the methods that are linpred.
     pub(crate) fn params(self) -> Option<Params> {
-        let every_pixel = Params::default().with_coverage(361);
+        let every_pixel = Params::default().with_coverage(1024);
         match self {
             Self::Fast => Some(Params::new(Quality::Fast)),
             Self::Balanced => Some(Params::new(Quality::Balanced)),

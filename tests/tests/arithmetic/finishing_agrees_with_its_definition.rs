@@ -167,7 +167,7 @@ impl Image {
             .sum();
         let mean = radiance / 27.0 + 0.1 * self.level.at(x, y);
         let error = f64::from(pass.error_left) * self.error.mean(x, y, 2) / (mean * mean);
-        let grain = (0.49 * error).max(error.min(2.5e-5)).min(0.04);
+        let grain = error.min(0.04);
         let [normal, albedo, depth] = self.feature_variance.each_ref().map(|v| 2.0 * v.at(x, y));
         let z = &self.features[6];
         let slope = ((z.at(x + 1, y) - z.at(x - 1, y)).powi(2)
@@ -177,7 +177,7 @@ impl Image {
         let spreads = [
             6.0 * mean * mean * grain,
             normal + 0.08f64.powi(2),
-            albedo + 0.025f64.powi(2),
+            albedo + 0.015f64.powi(2),
             depth + slope * apart + (0.05 * z.at(x, y)).powi(2),
         ];
         let positive = self.colour.iter().all(|c| c.at(x, y) >= 0.0);
@@ -341,13 +341,13 @@ impl Image {
         let around = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (x + dx, y + dy)));
         let around: Vec<_> = around.filter(|j| *j != (x, y)).collect();
         let levels: Vec<f64> = around.iter().map(|j| self.level(*j)).collect();
-        let most = 1.3
+        let most = 1.15
             * levels
                 .iter()
                 .copied()
                 .fold(f64::NEG_INFINITY, f64::max)
                 .max(0.0);
-        let least = levels.iter().copied().fold(f64::INFINITY, f64::min) / 1.3;
+        let least = levels.iter().copied().fold(f64::INFINITY, f64::min) / 1.15;
         let (level, own) = (self.level((x, y)), self.own.at(x, y));
         let deviation = (self.variance.at(x, y) / 3.0).sqrt();
         let mute = self.good.at(x, y) == 0.0;

@@ -1,7 +1,7 @@
 //! How many cells are fitted side by side, which ones, and in which order, changes no bit of any of them.
 
 use linpred_core::{LayerTile, Params, Quality};
-use linpred_tests::cells::{Job, denoise_side_by_side, tile};
+use linpred_tests::cells::{Job, denoise_side_by_side, otherwise, tile};
 use linpred_tests::images::noise;
 use linpred_tests::strategies::any_finite;
 use proptest::prelude::{Just, ProptestConfig, Strategy, any, prop_assert, prop_oneof, proptest};
@@ -34,7 +34,11 @@ fn tiles(layers: usize) -> impl Strategy<Value = Job> {
             layer.sums[0] = [f32::NAN; 3];
             layer
         };
-        Job::new(tile(&values, &states), (0..layers).map(layer).collect())
+        let mut job = Job::new(tile(&values, &states), (0..layers).map(layer).collect());
+        if seed % 2 == 0 {
+            job.otherwise = Some(otherwise(&job.tile, |value| 0.5 * value + 0.1));
+        }
+        job
     })
 }
 

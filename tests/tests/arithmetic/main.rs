@@ -8,6 +8,7 @@ mod lanes_change_no_bit;
 mod model_agrees_with_its_definition;
 mod model_is_equivariant;
 mod models_go_where_they_are_wanted;
+mod models_see_their_set_of_features;
 mod normal_equations_equal_rls;
 mod p_stays_symmetric_and_positive;
 mod pixels_are_the_means_of_their_predictions;

@@ -1,4 +1,4 @@
-//! Centres come pass after pass, ever closer together, and skip what enough models predict already (LPR section 5.1).
+//! Centres come pass after pass, ever closer together (LPR section 5.1), and skip what is predicted well enough already.
 
 use linpred_core::{CELL, HALO, Params, PixelState, Quality, RADIUS, TILE};
 use linpred_tests::cells::{Tile, denoise, tile};
@@ -19,16 +19,15 @@ fn tiles() -> impl Strategy<Value = Box<Tile>> {
     })
 }
 
-/// A prediction's weight so many rings from its model's centre, where all else is equal: half of it would be gone one ring beyond the window.
-fn weight(ring: usize) -> f32 {
+/// Confidence in a prediction without error so many rings from its model's centre: 0.7 of it would be gone one ring beyond the window.
+fn confidence(ring: usize) -> f32 {
     let part = ring as f32 / (RADIUS + 1) as f32;
-    1.0 - 0.5 * part * part
+    0.5f32.powf(-1.5) * (1.0 - 0.7 * part * part)
 }
 
-/// The weights of the models that predict each pixel of a tile, and how many there are, if each predicts the 19 x 19 around it.
-fn placed(tile: &Tile, coverage: u32) -> (Vec<f32>, u32) {
-    let mut predicted = vec![0; tile.pixels.len()];
-    let mut weights = vec![0.0; tile.pixels.len()];
+/// The confidences in the predictions of each pixel of a tile, added up, and how many models there are, if each predicts the 19 x 19 around it.
+fn placed(tile: &Tile, coverage: u16) -> (Vec<f32>, u32) {
+    let mut confidences = vec![0.0; tile.pixels.len()];
     let mut models = 0;
     // A later pass comes back to centres of earlier ones, where the same model would be fitted again.
     let mut built = vec![false; tile.pixels.len()];
@@ -37,37 +36,32 @@ fn placed(tile: &Tile, coverage: u32) -> (Vec<f32>, u32) {
             for x in (granularity / 2..CELL).step_by(granularity) {
                 let centre = (y + HALO) * TILE + x + HALO;
                 let open = tile.pixels[centre].state == PixelState::Noisy;
-                if open && predicted[centre] < coverage && !built[centre] {
+                if open && confidences[centre] < f32::from(coverage) && !built[centre] {
                     models += 1;
                     built[centre] = true;
                     for row in y..=y + 2 * HALO {
                         for column in x..=x + 2 * HALO {
-                            predicted[row * TILE + column] += 1;
                             let (down, across) =
                                 (row.abs_diff(y + HALO), column.abs_diff(x + HALO));
-                            weights[row * TILE + column] += weight(down.max(across));
+                            confidences[row * TILE + column] += confidence(down.max(across));
                         }
                     }
                 }
             }
         }
     }
-    (weights, models)
+    (confidences, models)
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(512))]
 
     #[test]
-    fn and_nowhere_else(tile in tiles(), coverage in 1u16..9) {
+    fn and_nowhere_else(tile in tiles(), coverage in 1u16..25) {
         let cell = denoise(&tile, &Params::new(Quality::Fast).with_coverage(coverage));
-        let (weights, models) = placed(&tile, u32::from(coverage));
+        let (confidences, models) = placed(&tile, coverage);
         prop_assert_eq!(cell.models, models);
-        // Each prediction agrees with its pixel, so that all weights have one factor in common.
-        let pairs = || cell.predictions.sums.iter().zip(&weights);
-        let factor = pairs().find(|(_, weight)| **weight > 0.0).map(|(sum, weight)| sum.confidence / weight);
-        for (sum, weight) in pairs() {
-            let expected = factor.unwrap_or(0.0) * weight;
+        for (sum, expected) in cell.predictions.sums.iter().zip(confidences) {
             prop_assert!((sum.confidence - expected).abs() <= 1e-5 * expected, "{} {}", sum.confidence, expected);
             if sum.confidence > 0.0 {
                 prop_assert_eq!((sum.radius / sum.confidence).round() as u32, 9);

@@ -1,43 +1,13 @@
 //! A pixel that one sample made far brighter than all around is predicted by its neighbours and counted; light that is there stays.
 
-use linpred::{Feature, ImageSize, InputRow, RowLayout, VarianceKind};
+use linpred::VarianceKind;
 use linpred_core::{Params, Quality};
-use linpred_tests::frames::{Frame, Scene, scenes};
+use linpred_tests::frames::{Frame, Scene, sampled, scenes};
 use linpred_tests::images::noise;
 use proptest::prelude::{ProptestConfig, any, prop_assert_eq, proptest};
 use proptest::sample::select;
 
 const SIDE: usize = 48;
-
-/// A wall of which every pixel has `samples` samples, `sample(x, y, i)` the i-th.
-fn sampled(
-    variance: VarianceKind,
-    samples: usize,
-    sample: impl Fn(usize, usize, usize) -> f32,
-) -> Frame {
-    let size = ImageSize::new(SIDE, SIDE).expect("not empty");
-    let layout = RowLayout::new(size, variance).with_feature(Feature::Normal);
-    let mut rows = vec![InputRow::new(&layout); SIDE];
-    for (y, row) in rows.iter_mut().enumerate() {
-        row.features[2].fill(1.0);
-        for x in 0..SIDE {
-            let values: Vec<f32> = (0..samples).map(|i| sample(x, y, i)).collect();
-            let count = samples as f32;
-            let mean = values.iter().sum::<f32>() / count;
-            let squares = values.iter().map(|v| (v - mean).powi(2)).sum::<f32>();
-            row.colour.iter_mut().for_each(|plane| plane[x] = mean);
-            let of_mean = squares / (count - 1.0) / count;
-            if variance != VarianceKind::Estimated {
-                row.variance.iter_mut().for_each(|plane| plane[x] = of_mean);
-            }
-        }
-    }
-    Frame {
-        layout,
-        rows,
-        truth: Vec::new(),
-    }
-}
 
 /// A number of mean 1 and variance 1, never below 0, and skewed as radiance is.
 fn exponential(x: usize, y: usize, i: usize) -> f32 {
@@ -46,7 +16,7 @@ fn exponential(x: usize, y: usize, i: usize) -> f32 {
 
 /// A wall of radiance 1 under noise of standard deviation 0.25.
 fn wall(variance: VarianceKind) -> Frame {
-    sampled(variance, 16, exponential)
+    sampled(SIDE, variance, 16, exponential)
 }
 
 const KINDS: [VarianceKind; 3] = [
@@ -78,7 +48,7 @@ fn a_lone_firefly_goes_and_is_counted() {
 #[test]
 fn in_a_picture_without_any_other_noise_too() {
     for kind in KINDS {
-        let mut frame = sampled(kind, 2, |_, _, _| 0.4);
+        let mut frame = sampled(SIDE, kind, 2, |_, _, _| 0.4);
         frame.add_firefly((24, 24), 43.0);
         let output = frame.denoise(Params::new(Quality::Balanced));
         assert_eq!(output.report.counts.fireflies, 1);
@@ -132,7 +102,7 @@ fn two_side_by_side_go_where_their_variances_say_so() {
 
 /// Every sample finds the lamp, and is worth it within its noise.
 fn lamp(radius: usize) -> Frame {
-    sampled(VarianceKind::OfMean, 64, |x, y, i| {
+    sampled(SIDE, VarianceKind::OfMean, 64, |x, y, i| {
         let inside = x.abs_diff(24).max(y.abs_diff(24)) < radius;
         let radiance = if inside { 50.0 } else { 0.5 };
         radiance * exponential(x, y, i)
@@ -168,7 +138,7 @@ fn a_lamp_of_nine_pixels_stays() {
 
 /// Of the light of pixels that a sample in `1 / p` finds, over an even one, what share is taken for fireflies.
 fn share_of_light_taken(kind: VarianceKind, p: f32, even: f32) -> f64 {
-    let frame = sampled(kind, 4, |x, y, i| {
+    let frame = sampled(SIDE, kind, 4, |x, y, i| {
         let found = noise(i as u32 + 9, y * SIDE + x) < p;
         let strength = 0.5 + noise(i as u32 + 90, y * SIDE + x);
         even * exponential(x, y, i) + if found { strength / p } else { 0.0 }
@@ -209,6 +179,7 @@ fn a_lone_pixel_in_the_dark_stays() {
     for kind in KINDS {
         for variance in [0.0, 25.0] {
             let mut frame = sampled(
+                SIDE,
                 kind,
                 2,
                 |x, y, _| {
@@ -301,7 +272,7 @@ fn the_order_of_the_channels_decides_nothing() {
     for seed in 0..40 {
         let colour = [0, 1, 2].map(|c| noise(seed, c));
         for order in ORDERS {
-            let mut frame = sampled(VarianceKind::OfMean, 2, |_, _, _| 0.0);
+            let mut frame = sampled(SIDE, VarianceKind::OfMean, 2, |_, _, _| 0.0);
             for (c, channel) in order.into_iter().enumerate() {
                 for row in &mut frame.rows {
                     row.colour[c].fill(colour[c]);

@@ -6,6 +6,7 @@ mod exact_where_it_can_be;
 mod finishing_keeps_its_promises;
 mod fireflies_go_and_lamps_stay;
 mod layers_add_up_to_the_colour;
+mod light_stays;
 mod overlap_changes_nothing;
 mod pushed_rows_come_out_denoised;
 mod trouble_stays_where_it_is;

@@ -71,8 +71,8 @@ pub(crate) struct DenoiseArguments {
     /// How much time to spend for how much accuracy
     #[arg(long, value_enum, default_value_t = QualityName::Balanced)]
     pub(crate) quality: QualityName,
-    /// The number behind --quality: how many models predict a pixel before no new one is built for it, 1 to 361
-    #[arg(long, value_name = "MODELS", value_parser = clap::value_parser!(u16).range(1..=361))]
+    /// The number behind --quality: how many good models must predict a pixel before no new one is built for it, 1 to 1024
+    #[arg(long, value_name = "MODELS", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) coverage: Option<u16>,
     /// Which formulas fit, choose and blend the models
     #[arg(long, value_enum, default_value_t = FormulasName::Robust)]

@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use linpred_core::{
-    CELL, FEATURES, FeatureSet, Formulas, HALO, LayerTile, POSITION, Pixel, PixelState, TILE,
-    TILE_AREA, TILE_FEATURES, Tile,
+    CELL, FEATURES, FeatureSet, Formulas, HALO, LayerTile, OtherFeatures, POSITION, Pixel,
+    PixelState, TILE, TILE_AREA, TILE_FEATURES, Tile,
 };
 
 use crate::geometry::ImageSize;
@@ -18,8 +18,6 @@ pub(crate) struct Neighbourhood<'a> {
     /// From the halo above the cells to the middle row of pixels, and from there to the halo below (see [`prepared_from`]).
     pub(crate) prepared: &'a [PreparedRows; 2],
     pub(crate) row: usize,
-    /// Whether models are to vary in the features that they see.
-    pub(crate) vary: bool,
 }
 
 /// The first row of the `piece`-th prepared rows. They are cut at the edges of halos, so that a row of cells with its halo lies in
@@ -59,10 +57,7 @@ impl Neighbourhood<'_> {
     }
 
     pub(crate) fn load(&self, tile: &mut Tile<TILE_FEATURES>, column: usize) {
-        let from = (column * CELL).saturating_sub(HALO);
-        let columns = from..self.size.width().min((column + 1) * CELL + HALO);
-        // of the tile, where the image begins
-        let first = columns.start + HALO - column * CELL;
+        let (columns, first) = self.columns(column);
         for ty in 0..TILE {
             let row = ty * TILE..(ty + 1) * TILE;
             let (pixels, variances) = (
@@ -91,10 +86,69 @@ impl Neighbourhood<'_> {
                 pixel.features[1] = ty as f32;
             }
         }
-        tile.sets_differ = self.vary && self.has_noisy_features(&columns);
-        if tile.sets_differ {
-            self.load_otherwise(tile, first, columns);
+    }
+
+    /// Loads the features of a cell's tile otherwise than prefiltered, and returns whether they are any different. Outside the image nothing
+    /// reads them.
+    pub(crate) fn load_otherwise(
+        &self,
+        otherwise: &mut OtherFeatures<TILE_FEATURES>,
+        column: usize,
+    ) -> bool {
+        let (columns, first) = self.columns(column);
+        if !self.has_noisy_features(&columns) {
+            return false;
         }
+        let mut values = [0.0; TILE];
+        let values = &mut values[..columns.len()];
+        for ty in 0..TILE {
+            let y = (self.row * CELL + ty).checked_sub(HALO);
+            let Some(y) = y.filter(|y| *y < self.size.height()) else {
+                continue;
+            };
+            let from = ty * TILE + first;
+            let pixels = from..from + columns.len();
+            self.load_features(otherwise, y, &columns, pixels, values);
+            for set in &mut *otherwise {
+                for (x, own) in (first..).zip(&mut set.value[from..from + columns.len()]) {
+                    (own[0], own[1]) = (x as f32, ty as f32);
+                }
+            }
+        }
+        true
+    }
+
+    /// Loads the features of the image's `columns` of row `y` into `pixels` of a tile.
+    fn load_features(
+        &self,
+        otherwise: &mut OtherFeatures<TILE_FEATURES>,
+        y: usize,
+        columns: &Range<usize>,
+        pixels: Range<usize>,
+        values: &mut [f32],
+    ) {
+        let [smoothed, rendered] = otherwise;
+        for set in [&mut *smoothed, &mut *rendered] {
+            set.value[pixels.clone()].fill([0.0; TILE_FEATURES]);
+            set.variance[pixels.clone()].fill([0.0; TILE_FEATURES]);
+        }
+        let (prepared, guides) = (self.row(y).prepared, self.held.guides(y as isize));
+        for k in (0..FEATURES).filter(|k| !prepared.smoothed[*k].is_empty()) {
+            let (x, y) = (columns.start as isize, y as isize);
+            self.held.copy_feature(k, x, y, values);
+            let noise = &guides.feature_variances[k][columns.clone()];
+            store_feature(rendered, pixels.clone(), POSITION + k, values, noise);
+            let values = &prepared.smoothed[k][columns.clone()];
+            let noise = &prepared.smoothed_variances[k][columns.clone()];
+            store_feature(smoothed, pixels.clone(), POSITION + k, values, noise);
+        }
+    }
+
+    /// The columns of the image that a cell's tile has, and the column of the tile where they begin.
+    fn columns(&self, column: usize) -> (Range<usize>, usize) {
+        let from = (column * CELL).saturating_sub(HALO);
+        let columns = from..self.size.width().min((column + 1) * CELL + HALO);
+        (columns, from + HALO - column * CELL)
     }
 
     /// Whether a feature has noise in one of these columns of the rows that the cells read.
@@ -105,39 +159,6 @@ impl Neighbourhood<'_> {
             let row = self.held.guides(y as isize);
             (0..FEATURES).any(|k| row.is_noisy(k, columns))
         })
-    }
-
-    /// The features otherwise than prefiltered, of the image's `columns`, which begin in column `first` of the tile. Outside the image
-    /// nothing reads them.
-    fn load_otherwise(&self, tile: &mut Tile<TILE_FEATURES>, first: usize, columns: Range<usize>) {
-        let [smoothed, rendered] = &mut tile.otherwise;
-        let mut values = [0.0; TILE];
-        let values = &mut values[..columns.len()];
-        for ty in 0..TILE {
-            let y = (self.row * CELL + ty).checked_sub(HALO);
-            let Some(y) = y.filter(|y| *y < self.size.height()) else {
-                continue;
-            };
-            let from = ty * TILE + first;
-            let inside = from..from + columns.len();
-            for set in [&mut *smoothed, &mut *rendered] {
-                for (x, own) in (first..).zip(&mut set.value[inside.clone()]) {
-                    *own = [0.0; TILE_FEATURES];
-                    (own[0], own[1]) = (x as f32, ty as f32);
-                }
-                set.variance[inside.clone()].fill([0.0; TILE_FEATURES]);
-            }
-            let (prepared, guides) = (self.row(y).prepared, self.held.guides(y as isize));
-            for k in (0..FEATURES).filter(|k| !prepared.smoothed[*k].is_empty()) {
-                self.held
-                    .copy_feature(k, columns.start as isize, y as isize, values);
-                let noise = &guides.feature_variances[k][columns.clone()];
-                store_feature(rendered, inside.clone(), POSITION + k, values, noise);
-                let values = &prepared.smoothed[k][columns.clone()];
-                let noise = &prepared.smoothed_variances[k][columns.clone()];
-                store_feature(smoothed, inside.clone(), POSITION + k, values, noise);
-            }
-        }
     }
 
     pub(crate) fn load_layer(&self, tile: &mut LayerTile, layer: usize, column: usize) {

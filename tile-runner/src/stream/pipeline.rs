@@ -73,10 +73,10 @@ pub(crate) fn reach(layout: &RowLayout) -> usize {
 /// Bytes that denoising an image takes at most, beside the source and the sink.
 pub(crate) fn bytes(layout: &RowLayout, options: &Options) -> u64 {
     let batch = batch(options.threads);
-    let threads = options.threads.get() as u64;
+    let (threads, vary) = (options.threads.get() as u64, options.params.vary_features);
     [
-        Preparation::bytes(layout, threads, options.params.vary_features),
-        CellBenches::bytes(layout, threads),
+        Preparation::bytes(layout, threads, vary),
+        CellBenches::bytes(layout, threads, vary),
         SumRows::bytes(layout),
         OutputRow::bytes(layout).saturating_mul(batch as u64),
         Finish::bytes(layout, batch),
@@ -150,7 +150,7 @@ impl Pipeline {
             params: options.params,
             instruction_set,
             input: Preparation::new(layout, &options.params, threads, instruction_set),
-            cells: CellBenches::new(&layout, threads),
+            cells: CellBenches::new(&layout, threads, options.params.vary_features),
             sums: SumRows::new(&layout),
             resolved: (0..batch).map(|_| ResolvedRow::new(&layout)).collect(),
             blended: 0,
@@ -226,6 +226,7 @@ impl Pipeline {
         for row in resolved {
             self.report.counts.passed_through += row.counts.passed_through;
             self.report.counts.repaired += row.counts.repaired;
+            self.report.counts.fireflies += row.counts.fireflies;
         }
         self.blended += rows;
     }

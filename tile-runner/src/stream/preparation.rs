@@ -21,11 +21,10 @@ use crate::stream::report::Counts;
 pub(crate) const LOOK_BELOW: usize = HALO + BLOCK_HALO;
 
 /// Rows above the next row of cells of which more than the colours is held: what is prepared next begins
-/// a halo below the top of those cells. Features as rendered are read by the cells themselves.
+/// a halo below the top of those cells. Features as rendered are read by the cells themselves, a missing one from the row above, too.
 const fn guides_above(vary: bool) -> usize {
-    if vary { HALO } else { BLOCK_HALO - HALO }
+    if vary { HALO + 1 } else { BLOCK_HALO - HALO }
 }
-const _: () = assert!(BLOCK_HALO - HALO <= HALO);
 
 /// What is in memory of an image's input.
 pub(crate) struct Preparation {
@@ -128,7 +127,6 @@ impl Preparation {
             held: &self.held,
             prepared: &self.prepared,
             row,
-            vary: self.vary,
         }
     }
 

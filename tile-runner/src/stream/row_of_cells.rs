@@ -5,7 +5,8 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use linpred_core::{
-    CELL, Cells, Formulas, LayerTile, Params, Predictions, Scratch, TILE_FEATURES, Tile,
+    CELL, Cells, FeatureSet, Formulas, LayerTile, OtherFeatures, Params, Predictions, SETS,
+    Scratch, TILE_FEATURES, Tile,
 };
 use rayon::prelude::*;
 
@@ -32,19 +33,19 @@ pub(crate) struct Predicted {
 }
 
 impl CellBenches {
-    /// A bench for each thread.
-    pub(crate) fn new(layout: &RowLayout, threads: NonZeroUsize) -> Self {
+    /// A bench for each thread; models may `vary` in what they see.
+    pub(crate) fn new(layout: &RowLayout, threads: NonZeroUsize, vary: bool) -> Self {
         Self {
             benches: (0..threads.get())
-                .map(|_| Bench::new(layout.layers))
+                .map(|_| Bench::new(layout.layers, vary))
                 .collect(),
             columns: layout.size.width().div_ceil(CELL),
         }
     }
 
     /// Bytes of the benches for `threads` threads.
-    pub(crate) fn bytes(layout: &RowLayout, threads: u64) -> u64 {
-        threads.saturating_mul(Bench::bytes(layout.layers) as u64)
+    pub(crate) fn bytes(layout: &RowLayout, threads: u64, vary: bool) -> u64 {
+        threads.saturating_mul(Bench::bytes(layout.layers, vary) as u64)
     }
 
     /// Denoises a row of cells and adds their predictions to `sums`; counts what that took.
@@ -93,15 +94,21 @@ struct Bench {
 struct Lane {
     column: usize,
     tile: Tile<TILE_FEATURES>,
+    /// Other features, where models vary in what they see.
+    otherwise: Option<Box<OtherFeatures<TILE_FEATURES>>>,
+    /// Whether they are those of the tile.
+    differs: bool,
     predictions: Predictions,
     layers: Vec<LayerTile>,
 }
 
 impl Bench {
-    fn new(layers: usize) -> Self {
+    fn new(layers: usize, vary: bool) -> Self {
         let lane = || Lane {
             column: 0,
             tile: Tile::EMPTY,
+            otherwise: vary.then(|| Box::new([const { FeatureSet::EMPTY }; SETS - 1])),
+            differs: false,
             predictions: Predictions::NONE,
             layers: vec![LayerTile::BLACK; layers],
         };
@@ -111,8 +118,9 @@ impl Bench {
         }
     }
 
-    fn bytes(layers: usize) -> usize {
-        let lane = size_of::<Lane>() + layers * size_of::<LayerTile>();
+    fn bytes(layers: usize, vary: bool) -> usize {
+        let otherwise = usize::from(vary) * size_of::<OtherFeatures<TILE_FEATURES>>();
+        let lane = size_of::<Lane>() + otherwise + layers * size_of::<LayerTile>();
         LANES * lane + size_of::<Scratch<TILE_FEATURES, LANES>>()
     }
 }
@@ -150,6 +158,9 @@ impl Cells<TILE_FEATURES> for Share<'_, '_> {
         let lane = &mut self.lanes[lane];
         lane.column = column;
         self.row.around.load(&mut lane.tile, column);
+        let around = self.row.around;
+        let otherwise = lane.otherwise.as_deref_mut();
+        lane.differs = otherwise.is_some_and(|other| around.load_otherwise(other, column));
         for (layer, tile) in lane.layers.iter_mut().enumerate() {
             self.row.around.load_layer(tile, layer, column);
             tile.clear();
@@ -159,6 +170,11 @@ impl Cells<TILE_FEATURES> for Share<'_, '_> {
 
     fn tile(&self, lane: usize) -> &Tile<TILE_FEATURES> {
         &self.lanes[lane].tile
+    }
+
+    fn otherwise(&self, lane: usize) -> Option<&OtherFeatures<TILE_FEATURES>> {
+        let lane = &self.lanes[lane];
+        lane.otherwise.as_deref().filter(|_| lane.differs)
     }
 
     fn results(&mut self, lane: usize) -> (&mut Predictions, &mut [LayerTile]) {
