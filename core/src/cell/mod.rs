@@ -33,7 +33,7 @@ use crate::params::Params;
 /// Predicts each cell and what its models reach of its halo, `L` cells side by side.
 ///
 /// A cell's result depends on its tile, its layers and the parameters alone: not on `L`, on the other cells, on their order or
-/// on the thread. Never panics, never yields a value that is not finite. Takes some 50 KiB of stack at `L = 1` and `D = 9`, and
+/// on the thread. Never panics, never yields a value that is not finite. Takes some 80 KiB of stack at `L = 1` and `D = 9`, and
 /// more with `L`. A layer costs its own right-hand sides and predictions.
 #[inline(always)]
 pub fn denoise_cells<const D: usize, const L: usize>(

@@ -25,7 +25,7 @@ use crate::stream::finish::{self, Finish};
 use crate::stream::instruction_set::InstructionSet;
 use crate::stream::preparation::{LOOK_BELOW, Preparation, halo};
 use crate::stream::report::{Counts, Report};
-use crate::stream::resolved_row::{ROWS_PER_THREAD, ResolvedRow};
+use crate::stream::resolved_row::{ResolvedRow, rows_per_thread};
 use crate::stream::row_of_cells::CellBenches;
 use crate::stream::sum_rows::SumRows;
 use crate::stream::threads::{pool, stack_bytes};
@@ -72,7 +72,7 @@ pub(crate) fn reach(layout: &RowLayout) -> usize {
 
 /// Bytes that denoising an image takes at most, beside the source and the sink.
 pub(crate) fn bytes(layout: &RowLayout, options: &Options) -> u64 {
-    let batch = batch(options.threads);
+    let batch = batch(layout, options.threads);
     let (threads, vary) = (options.threads.get() as u64, options.params.vary_features);
     [
         Preparation::bytes(layout, threads, vary),
@@ -87,10 +87,10 @@ pub(crate) fn bytes(layout: &RowLayout, options: &Options) -> u64 {
 }
 
 /// Rows that are blended and finished at a time: some for each thread, no more than a row of cells gives.
-fn batch(threads: NonZeroUsize) -> usize {
+fn batch(layout: &RowLayout, threads: NonZeroUsize) -> usize {
     threads
         .get()
-        .saturating_mul(ROWS_PER_THREAD)
+        .saturating_mul(rows_per_thread(layout.size.width()))
         .min(CELL + HALO)
 }
 
@@ -140,7 +140,7 @@ struct Pipeline {
 impl Pipeline {
     fn new(layout: RowLayout, options: &Options) -> Self {
         let (instruction_set, threads) = (InstructionSet::detect(), options.threads);
-        let batch = batch(threads);
+        let batch = batch(&layout, threads);
         let finish = match options.params.formulas {
             Formulas::Literal => None,
             _ => Some(Finish::new(layout, batch, instruction_set)),

@@ -7,8 +7,13 @@ use crate::stream::neighbourhood::PixelRow;
 use crate::stream::report::Counts;
 use crate::stream::sum_rows::SumRow;
 
-/// Rows that each thread works out before they are written.
-pub(crate) const ROWS_PER_THREAD: usize = 4;
+/// Pixels that each thread works out before they are written: enough that threads seldom wait for one another.
+const PIXELS_PER_THREAD: usize = 8192;
+
+/// Rows of `width` pixels that they fill, some at least and not too many.
+pub(crate) fn rows_per_thread(width: usize) -> usize {
+    (PIXELS_PER_THREAD / width.max(1)).clamp(1, 4)
+}
 
 /// A row of output, and what became of its pixels.
 pub(crate) struct ResolvedRow {
