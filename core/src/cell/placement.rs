@@ -55,7 +55,7 @@ const fn set_of(x: u32, y: u32) -> u8 {
     let mut hash = (x << 8 | y).wrapping_mul(0x9e37_79b1);
     hash = (hash ^ (hash >> 16)).wrapping_mul(0x85eb_ca6b);
     hash = (hash ^ (hash >> 13)).wrapping_mul(0xc2b2_ae35);
-    let percent = ((hash ^ (hash >> 16)) as u64 * 100 >> 32) as u32;
+    let percent = (((hash ^ (hash >> 16)) as u64 * 100) >> 32) as u32;
     if percent < SMOOTHED_SHARE {
         1
     } else if percent < SMOOTHED_SHARE + RENDERED_SHARE {

@@ -1,10 +1,5 @@
 //! The predictions of models, and the confidence in each: how well its model does around the pixel.
 
-#![expect(
-    clippy::needless_range_loop,
-    reason = "the loops follow the indices of the formulas"
-)]
-
 use crate::blend::{self, ERROR_SOFTENING, LayerTile, Predictions, Sum};
 use crate::cell::feature_space::Basis;
 use crate::cell::model::{Coefficients, Models, evaluate, printed_variance};

@@ -36,8 +36,8 @@ proptest! {
         let params = Params::new(Quality::High);
         let changed: fn(f32) -> f32 = |v| v * v - 0.3 * v;
         let plain = bits(&tile, None, &params);
-        prop_assert!(&bits(&tile, Some(changed), &params) != &plain);
-        prop_assert!(&bits(&tile, Some(changed), &params.with_vary_features(false)) == &plain);
+        prop_assert!(bits(&tile, Some(changed), &params) != plain);
+        prop_assert!(bits(&tile, Some(changed), &params.with_vary_features(false)) == plain);
         let fast = Params::new(Quality::Fast);
         prop_assert!(bits(&tile, Some(changed), &fast) == bits(&tile, None, &fast));
     }
