@@ -4,7 +4,7 @@
 //! of the channels, a pixel brighter than 1.15 times the brightest of its eight neighbours is scaled down to that, and one darker than the
 //! darkest by as much is scaled up, unless the noisy pixel says so, too: by more than two of its standard deviations.
 //!
-//! A pixel that is black among lit ones has no colour to scale and takes that of its neighbours. One that is not finite in the input has
+//! A pixel that is black among lit ones has no colour to scale and takes that of its neighbours; so does a dark one with a negative channel, and a bright one stays. One that is not finite in the input has
 //! nothing to say for itself.
 
 #![expect(
@@ -25,8 +25,8 @@ const WIDE: usize = RUN + 2 * DESPECKLE_RADIUS;
 const OUTSTANDING: f32 = 1.15;
 /// Squared standard deviations by which a pixel has to support it.
 const SUPPORT: f32 = 2.0 * 2.0;
-/// A pixel below this part of its neighbours is black: it has no colour that could be scaled.
-const BLACK: f32 = 1e-6;
+/// A pixel below this part of its neighbours is black: what colour it has is chance, and would be scaled with it.
+const BLACK: f32 = 0.05;
 
 /// A row of smoothed colours and what is around it, for [`despeckle`]; beyond the image, the nearest row of the image.
 #[derive(Clone, Copy, Debug)]
@@ -85,10 +85,12 @@ fn scales(input: &SpeckRow<'_>, first: usize) -> (Run, Run) {
         let (most, least) = (larger(OUTSTANDING * brightest, 0.0), darkest / OUTSTANDING);
         let margin = SUPPORT / 3.0 * variance[x];
         let supports = |gap: f32| good[x] > 0.0 && gap > 0.0 && gap * gap >= margin;
+        // Channels that nearly cancel have no level to scale.
+        let whole = colour.iter().all(|plane| plane[x] >= 0.0);
         let noisy = noisy[x] > 0.0;
-        let spark = noisy && level > most && !supports(own[x] - most);
+        let spark = noisy && whole && level > most && !supports(own[x] - most);
         let hole = noisy && level < least && least > 0.0 && !supports(least - own[x]);
-        let black = hole && level <= BLACK * least;
+        let black = hole && (!whole || level <= BLACK * least);
         let positive = reds[x] >= 0.0 && greens[x] >= 0.0 && blues[x] >= 0.0;
         let sum = reds[x] + greens[x] + blues[x];
         let target = if spark { most } else { least };

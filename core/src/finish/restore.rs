@@ -1,13 +1,14 @@
 //! Gives back, over wide neighbourhoods, the light that was lost on the way.
 //!
-//! The mean of the noisy pixels over 33 x 33 is unbiased and, next to one pixel, without noise. With r the mean of what the result lacks
+//! The mean of the noisy pixels over 33 x 33, weighed down to the sides, is unbiased and, next to one pixel, without noise. With r the mean of what the result lacks
 //! of it, d the mean of the result and q the variance of the former,
 //!
 //! ```text
 //! o <- o (1 + r^2 / (r^2 + q) r / d), the factor from 0.5 to 2
 //! ```
 //!
-//! which gives nothing where r may be chance. By a factor rather than a sum: light that is added where there was little shows as a veil
+//! which gives nothing where r may be chance. The weights are products of 1, 2, .., 17, .., 2, 1 down and across: an even mean ends in a step 16 pixels from anything
+//! bright, and a square veil shows. By a factor rather than a sum: light that is added where there was little shows as a veil
 //! around bright windows. Pixels without noise have lost nothing: they stay as they are and do not count. Those that are not finite in the
 //! input cannot be compared, but were predicted by the same models: they take the factor of those around.
 
@@ -70,11 +71,14 @@ pub fn find_factors(
     output: &mut [f32],
 ) {
     for first in runs(output.len()) {
-        let [lost, light, variance] = planes.each_ref().map(|rows| sums_33x33(rows, first));
+        let [lost, light, variance] = planes;
+        let lost = sums_33x33(lost, first, &WEIGHTS);
+        let light = sums_33x33(light, first, &WEIGHTS);
+        let variance = sums_33x33(variance, first, &SQUARED_WEIGHTS);
         let noisy = run(noisy, first);
         let mut factors = [1.0; RUN];
         for x in 0..RUN {
-            // Of sums in place of means: their squared number divides both r^2 and q.
+            // Of sums in place of means: the square of the weights' sum divides both r^2 and q.
             let square = lost[x] * lost[x];
             let total = square + variance[x];
             let usable = (f32::MIN_POSITIVE..=f32::MAX).contains(&total) && light[x] > 0.0;
@@ -91,26 +95,37 @@ pub fn find_factors(
     }
 }
 
-/// Sums over the neighbourhood, of three rows and then of eleven times three, and of columns likewise.
+/// Weights of the rows of the neighbourhood, and of its columns.
+const WEIGHTS: [f32; RESTORE_SPAN] = weights(1);
+/// Their squares, which the variances are summed with.
+const SQUARED_WEIGHTS: [f32; RESTORE_SPAN] = weights(2);
+
+const fn weights(power: u32) -> [f32; RESTORE_SPAN] {
+    let mut weights = [0.0; RESTORE_SPAN];
+    let mut k = 0;
+    while k < RESTORE_SPAN {
+        let distance = k.abs_diff(RESTORE_RADIUS);
+        weights[k] = (RESTORE_RADIUS + 1 - distance).pow(power) as f32;
+        k += 1;
+    }
+    weights
+}
+
+/// Weighted sums over the neighbourhood: of its rows, and then of their columns.
 #[inline(always)]
-fn sums_33x33(rows: &[&[f32]; RESTORE_SPAN], first: usize) -> Run {
-    const _: () = assert!(RESTORE_SPAN == 3 * 11);
-    const THREES: usize = WIDE - 2;
+fn sums_33x33(rows: &[&[f32]; RESTORE_SPAN], first: usize, weights: &[f32; RESTORE_SPAN]) -> Run {
     let mut down = [0.0; WIDE];
-    for rows in rows.as_chunks::<3>().0 {
-        let [a, b, c] = rows.each_ref().map(|row| wide(row, first));
+    for (row, weight) in rows.iter().zip(weights) {
+        let row = wide(row, first);
         for x in 0..WIDE {
-            down[x] += a[x] + b[x] + c[x];
+            down[x] += weight * row[x];
         }
     }
-    let mut threes = [0.0; THREES];
-    for x in 0..THREES {
-        threes[x] = down[x] + down[x + 1] + down[x + 2];
-    }
     let mut sums = [0.0; RUN];
-    for k in 0..11 {
+    for (k, weight) in weights.iter().enumerate() {
+        let shifted: &Run = columns(&down, k);
         for x in 0..RUN {
-            sums[x] += threes[x + 3 * k];
+            sums[x] += weight * shifted[x];
         }
     }
     sums

@@ -352,13 +352,14 @@ impl Image {
         let deviation = (self.variance.at(x, y) / 3.0).sqrt();
         let mute = self.good.at(x, y) == 0.0;
         let value = plane.at(x, y);
+        let whole = self.colour.iter().all(|c| c.at(x, y) >= 0.0);
         if self.noisy.at(x, y) == 0.0 {
             (value, false)
-        } else if level > most && (mute || own - most < 2.0 * deviation) {
+        } else if whole && level > most && (mute || own - most < 2.0 * deviation) {
             (value * most / level, true)
         } else if level < least && least > 0.0 && (mute || least - own < 2.0 * deviation) {
             let neighbours: f64 = around.iter().map(|j| plane.at(j.0, j.1)).sum();
-            let scaled = if level > 1e-6 * least {
+            let scaled = if whole && level > 0.05 * least {
                 value * least / level
             } else {
                 neighbours * least / levels.iter().sum::<f64>()
@@ -426,8 +427,14 @@ fn factors_give_back_the_light_that_is_lost_around() {
         find_factors(&planes, image.noisy.row(y), &mut factors);
         for x in 0..WIDTH as isize {
             let own = f64::from(factors[FINISH_PADDING + x as usize]);
-            let (r, d) = (lost.mean(x, y, 16), there.mean(x, y, 16));
-            let q = noise.mean(x, y, 16) / 33.0 / 33.0;
+            let near = |d: isize| (17 - d.abs()) as f64;
+            let sum = |plane: &Plane, power: i32| {
+                let rows = (-16..=16).flat_map(|dy| (-16..=16).map(move |dx| (dx, dy)));
+                let weighed = rows
+                    .map(|(dx, dy)| (near(dx) * near(dy)).powi(power) * plane.at(x + dx, y + dy));
+                weighed.sum::<f64>()
+            };
+            let (r, d, q) = (sum(&lost, 1), sum(&there, 1), sum(&noise, 2));
             let factor = (1.0 + r * r / (r * r + q) * r / d).clamp(0.5, 2.0);
             let expected = if image.noisy.at(x, y) > 0.0 {
                 factor

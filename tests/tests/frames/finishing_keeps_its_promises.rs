@@ -1,7 +1,9 @@
 //! What the stages after the blend promise of a whole frame: no specks, no light below 0 that was not there, and the light that came in.
 
+use linpred::VarianceKind;
 use linpred_core::{Params, Quality};
-use linpred_tests::frames::{Frame, Output, Scene};
+use linpred_tests::frames::{Frame, Output, Scene, sampled};
+use linpred_tests::images::noise;
 use linpred_tests::tolerance::FRAME_ENERGY;
 
 const QUALITIES: [Quality; 3] = [Quality::Fast, Quality::Balanced, Quality::High];
@@ -81,5 +83,40 @@ fn the_light_that_came_in_goes_out() {
             let share = energy(output.colours().into_iter()) / came;
             assert!(FRAME_ENERGY.contains(&share), "{quality:?}: {share}");
         }
+    }
+}
+
+/// A pixel whose channels nearly cancel has a level of nothing; scaled to its neighbours' it was 800 times as bright as any.
+#[test]
+fn channels_that_cancel_are_no_speck() {
+    for (seed, quality) in (0..4).flat_map(|seed| QUALITIES.map(|quality| (seed, quality))) {
+        let mut frame = rough(seed);
+        let mut largest = 0.0f32;
+        for row in &mut frame.rows {
+            for value in row.colour.iter_mut().flatten() {
+                *value -= 0.3;
+                largest = largest.max(value.abs());
+            }
+        }
+        let output = frame.denoise(Params::new(quality));
+        for value in output.colours().as_flattened() {
+            assert!(value.abs() <= largest, "{quality:?}: {value} of {largest}");
+        }
+    }
+}
+
+/// Beside a bright strip on a dark wall the light given back must not end in a step.
+#[test]
+fn no_square_of_light_ends_beside_a_bright_strip() {
+    let strip = |y: usize| (40..43).contains(&y);
+    let frame = sampled(90, VarianceKind::OfMean, 4, |x, y, i| {
+        let light = if strip(y) { 5.0 } else { 0.02 };
+        -light * noise(i as u32, y * 90 + x).max(1e-9).ln()
+    });
+    let output = frame.denoise(Params::new(Quality::High));
+    let mean = |y: usize| (20..70).map(|x| level(&output, x, y)).sum::<f32>() / 50.0;
+    for y in (50..65).chain(18..32) {
+        let step = mean(y + 1) / mean(y) - 1.0;
+        assert!(step.abs() < 0.05, "from row {y} to the next: {step}");
     }
 }
