@@ -71,7 +71,7 @@ pub(crate) struct DenoiseArguments {
     /// How much time to spend for how much accuracy
     #[arg(long, value_enum, default_value_t = QualityName::Balanced)]
     pub(crate) quality: QualityName,
-    /// The number behind --quality: how many good models must predict a pixel before no new one is built for it, 1 to 1024
+    /// The number behind --quality, which stays what decides whether models differ in their features: how many good models must predict a pixel before no new one is built for it, 1 to 1024
     #[arg(long, value_name = "MODELS", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) coverage: Option<u16>,
     /// Which formulas fit, choose and blend the models
@@ -232,11 +232,11 @@ pub(crate) struct StitchArguments {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum QualityName {
-    /// One model per pixel
+    /// A pixel is predicted well by one model; all see the same features
     Fast,
-    /// Four
+    /// By three, which differ in the features that they see
     Balanced,
-    /// Sixteen
+    /// By sixteen, likewise
     High,
 }
 
