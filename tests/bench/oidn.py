@@ -37,6 +37,7 @@ def read(folder, name, width, height, copies):
 def main(folder, width, height, copies, threads):
     # before the library counts the processors
     os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:threads])
+    import numpy as np
     from pyoidn.denoise import denoise
 
     colour, albedo, normal = (read(folder, name, width, height, copies) for name in ("colour", "albedo", "normal"))
