@@ -4,7 +4,7 @@ use crate::float::reciprocal_sqrt;
 use crate::params::Formulas;
 use crate::tile::{CHANNELS, Pixel, PixelState, TILE_AREA};
 
-/// Confidence in a pixel's own radiance beside its predictions, as a part of [`confidence`] in one that is off by the pixel's variance.
+/// Confidence in a pixel's own radiance beside its predictions, as a part of [`confidence`] in one that is off by the pixel's variance
 /// (measured: 0.1 to 0.3 alike).
 const OWN_CONFIDENCE: f32 = 0.3;
 

@@ -30,6 +30,18 @@ pub(crate) fn ln_f64(x: f64) -> f64 {
     libm::log(x)
 }
 
+/// The larger; not `f32::max`, whose care for NaN costs.
+#[inline(always)]
+pub(crate) fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// The smaller, likewise.
+#[inline(always)]
+pub(crate) fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
 /// The float nearest to `x`, the largest finite one of its sign where it would be infinite.
 pub(crate) fn saturate(x: f64) -> f32 {
     x.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32

@@ -14,17 +14,20 @@ from PIL import Image
 GAP = 4
 
 
-def srgb(path):
+def linear(path, names="RGB"):
     with OpenEXR.File(path, separate_channels=True) as file:
         channels = file.channels()
-        linear = np.stack([channels[name].pixels for name in "RGB"], axis=-1).astype(np.float64)
-    linear = np.clip(linear, 0, 1)
+        return np.stack([channels[name].pixels for name in names], axis=-1).astype(np.float32)
+
+
+def srgb(linear):
+    linear = np.clip(linear.astype(np.float64), 0, 1)
     coded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
     return np.round(255 * coded).astype(np.uint8)
 
 
 def main(target, scale, paths):
-    panels = [srgb(path).repeat(scale, axis=0).repeat(scale, axis=1) for path in paths]
+    panels = [srgb(linear(path)).repeat(scale, axis=0).repeat(scale, axis=1) for path in paths]
     gap = np.full((panels[0].shape[0], GAP, 3), 255, np.uint8)
     row = [panels[0]]
     for panel in panels[1:]:

@@ -49,6 +49,11 @@ pub fn noise(seed: u32, index: usize) -> f32 {
     ((x ^ (x >> 16)) >> 8) as f32 / (1 << 24) as f32
 }
 
+/// The same of mean 1 and variance 1, never below 0, and skewed as radiance is.
+pub fn exponential(seed: u32, index: usize) -> f32 {
+    -noise(seed, index).max(1e-9).ln()
+}
+
 /// A float channel of noise.
 pub fn float(name: &str, pixels: usize, seed: u32) -> NamedSamples {
     (

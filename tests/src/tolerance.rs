@@ -103,7 +103,7 @@ pub const CONSTANT_CELL: f64 = 1e-5;
 
 /// Mean of the estimated error over a frame, over the mean squared error: it is to err to the safe side, because it averages the errors of
 /// models whose mean is better than each. Seen: 1.9 to 3.3 for noise of a tenth or a third of the radiance, 2.7 to 5.2 for as much as the
-/// radiance; over the renders that the benchmark uses, 0.6 to 1.6.
+/// radiance; over the renders that the benchmark uses, 0.6 to 1.5.
 pub const ERROR_ESTIMATE: std::ops::RangeInclusive<f64> = 1.0..=7.0;
 
 /// Light of a denoised frame over that of its input, under noise as strong as the light: the noise of five thousand pixels' mean is 0.007 of

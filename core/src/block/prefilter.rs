@@ -13,7 +13,7 @@
 //! `exp(-d)` as `(1 - d/8)^8`, which ends. Both sides of a pair give it the same weight, so each pair is compared once.
 //!
 //! On demand the same pairs filter the group a second time, their distances taken at a fifth ([`SMOOTHING`]): models that see such features
-//! err in other places than those that see the first, and both together are better than twice as many of one kind.
+//! err in other places than those that see the first.
 //!
 //! A pixel in whose surroundings there is no variance stays as it is. Its result depends only on the
 //! pixels within 7 of it, not on where it lies in a block.

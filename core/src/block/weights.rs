@@ -13,7 +13,7 @@ use crate::block::median::medians_3x3;
 use crate::block::plane::{
     BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane, BlockRow, columns,
 };
-use crate::float::{exp2_parts, fine_reciprocal_sqrt, log2_parts, round_to_u32};
+use crate::float::{exp2_parts, fine_reciprocal_sqrt, larger, log2_parts, round_to_u32, smaller};
 
 /// Pixels around a block that its weights read: the half-width of the log-average, and one more for the mean below it.
 pub const WEIGHTS_HALO: usize = LOG_AVERAGE_RADIUS + 1;
@@ -212,17 +212,6 @@ fn sums_5x5(plane: &ColourPlane, y: usize) -> [f32; BLOCK_COLUMNS + CORNER_SPAN 
         sums[x] = (a + b) + (c + d) + e;
     }
     sums
-}
-
-/// Not `f32::max`, whose care for NaN costs.
-#[inline(always)]
-fn larger(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
-}
-
-#[inline(always)]
-fn smaller(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
 }
 
 /// Medians of the 3 x 3 pixels around those of row `y` of the block.

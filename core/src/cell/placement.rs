@@ -45,7 +45,7 @@ const ORDER: [Centre; CENTRES] = {
 };
 
 /// Shares of the models that see features that are smoothed more, and features as rendered; the others see the prefiltered ones.
-/// (Measured: README of the benchmark; without the first, detail is lost and specks stay, without the second, what lies out of focus is mottled.)
+/// (measured: DEPARTURES.md).
 const SMOOTHED_SHARE: u32 = 35;
 const RENDERED_SHARE: u32 = 20;
 
@@ -101,7 +101,7 @@ impl Placement {
     /// The next centre where the confidence in all predictions is below `coverage`; none at the end of the cell.
     ///
     /// Not their number: where models do well a few are enough, and where they fail (a highlight that no feature shows, an edge of
-    /// a shadow) it takes more to find one that does not (measured: with as many models, errors smaller by 3 to 12 %).
+    /// a shadow) it takes more to find one that does not (measured: DEPARTURES.md).
     #[inline(always)]
     pub(crate) fn next(&mut self, coverage: u16, predictions: &Predictions) -> Option<Centre> {
         let wanted = f32::from(coverage.max(1));

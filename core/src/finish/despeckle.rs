@@ -13,7 +13,8 @@
 )]
 
 use crate::block::plane::columns;
-use crate::finish::{FinishedPlane, RUN, Run, larger, mean_of_channels, run, runs, smaller, store};
+use crate::finish::{FinishedPlane, RUN, Run, mean_of_channels, run, runs, store};
+use crate::float::{larger, smaller};
 
 /// Rows above and below that a pixel is compared with.
 pub const DESPECKLE_RADIUS: usize = 1;

@@ -66,15 +66,3 @@ pub struct FinishedPlane<'a, const N: usize> {
 fn mean_of_channels(channels: [&Run; 3], x: usize) -> f32 {
     (channels[0][x] + channels[1][x] + channels[2][x]) * (1.0 / 3.0)
 }
-
-/// The larger; not `f32::max`, whose care for NaN costs.
-#[inline(always)]
-fn larger(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
-}
-
-/// The smaller.
-#[inline(always)]
-fn smaller(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}

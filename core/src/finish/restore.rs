@@ -30,8 +30,10 @@ const MOST: f32 = 2.0;
 pub struct LitRow<'a> {
     /// Radiance, red green blue; finite.
     pub colour: [&'a [f32]; 3],
-    /// 1, or 0 where a pixel passes through or its input is not finite.
-    pub counts: &'a [f32],
+    /// 1, or 0 where a pixel passes through.
+    pub noisy: &'a [f32],
+    /// 1, or 0 where a pixel's input is not finite.
+    pub good: &'a [f32],
     /// Mean of the channels of the noisy radiance.
     pub own: &'a [f32],
     /// Its variance, summed over the channels.
@@ -47,14 +49,15 @@ pub fn compare_light(input: &LitRow<'_>, output: [&mut [f32]; LIGHT_PLANES]) {
     let [lost, light, variance] = output;
     for first in runs(lost.len()) {
         let colour = input.colour.map(|plane| run(plane, first));
-        let [counts, own, own_variance] =
-            [input.counts, input.own, input.variance].map(|plane| run(plane, first));
+        let [noisy, good] = [input.noisy, input.good].map(|plane| run(plane, first));
+        let [own, own_variance] = [input.own, input.variance].map(|plane| run(plane, first));
         let mut values = [[0.0; RUN]; LIGHT_PLANES];
         for x in 0..RUN {
             let mean = mean_of_channels(colour, x);
-            values[0][x] = counts[x] * (own[x] - mean);
-            values[1][x] = counts[x] * mean;
-            values[2][x] = counts[x] * own_variance[x] * (1.0 / 3.0);
+            let counts = noisy[x] * good[x];
+            values[0][x] = counts * (own[x] - mean);
+            values[1][x] = counts * mean;
+            values[2][x] = counts * own_variance[x] * (1.0 / 3.0);
         }
         store(lost, first, &values[0]);
         store(light, first, &values[1]);

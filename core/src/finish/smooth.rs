@@ -27,8 +27,10 @@
     reason = "the loops follow the indices of the formulas"
 )]
 
+use crate::block::plane::columns;
 use crate::features::{FEATURES, Feature};
-use crate::finish::{FinishedPlane, RUN, Run, larger, run, runs, smaller, store};
+use crate::finish::{FinishedPlane, RUN, Run, run, runs, store};
+use crate::float::{larger, smaller};
 
 /// Half-width of the neighbours, in steps.
 pub const SMOOTH_RADIUS: usize = 3;
@@ -56,6 +58,13 @@ pub struct Smoothing {
     pub error_left: f32,
 }
 
+impl Smoothing {
+    /// Pixels from one to its farthest neighbour, in a row or a column.
+    pub const fn reach(&self) -> usize {
+        SMOOTH_RADIUS * self.step
+    }
+}
+
 /// The passes, in their order.
 pub const SMOOTHINGS: [Smoothing; 2] = [
     Smoothing {
@@ -70,7 +79,7 @@ pub const SMOOTHINGS: [Smoothing; 2] = [
     },
 ];
 /// Columns from a pixel to its farthest neighbour.
-pub(crate) const REACH: usize = SMOOTH_RADIUS * SMOOTHINGS[1].step;
+pub(crate) const REACH: usize = SMOOTHINGS[1].reach();
 
 /// Share of the level around in the radiance that grain is measured by.
 const LEVEL_SHARE: f32 = 0.1;
@@ -195,7 +204,7 @@ fn mean_radiance(colour: &[[&[f32]; 3]; MEAN_SPAN], first: usize) -> Run {
 /// A run and a column on both sides.
 #[inline(always)]
 fn wider_run(plane: &[f32], first: usize) -> &[f32; RUN + 2 * MEAN_RADIUS] {
-    crate::block::plane::columns(plane, first - MEAN_RADIUS)
+    columns(plane, first - MEAN_RADIUS)
 }
 
 /// Means of the errors over 5 x 5 pixels.
@@ -204,7 +213,7 @@ fn mean_error(error: &[&[f32]; ERROR_SPAN], first: usize) -> Run {
     const COLUMNS: usize = RUN + 2 * ERROR_RADIUS;
     let mut down = [0.0; COLUMNS];
     for plane in error {
-        let row: &[f32; COLUMNS] = crate::block::plane::columns(plane, first - ERROR_RADIUS);
+        let row: &[f32; COLUMNS] = columns(plane, first - ERROR_RADIUS);
         for x in 0..COLUMNS {
             down[x] += row[x];
         }
@@ -226,7 +235,7 @@ fn depth_slack(pass: &Smoothing, rows: &[&[f32]; MEAN_SPAN], first: usize) -> Ru
         run(rows[MEAN_RADIUS], first - 1),
         run(rows[MEAN_RADIUS], first + 1),
     );
-    let reach = (SMOOTH_RADIUS * pass.step) as f32;
+    let reach = pass.reach() as f32;
     let apart = larger(reach * reach / 2.0, 1.0);
     let mut slack = [0.0; RUN];
     for x in 0..RUN {

@@ -405,7 +405,8 @@ fn factors_give_back_the_light_that_is_lost_around() {
     for y in 0..HEIGHT as isize {
         let input = LitRow {
             colour: image.colour.each_ref().map(|c| c.row(y)),
-            counts: counts.row(y),
+            noisy: image.noisy.row(y),
+            good: image.good.row(y),
             own: image.own.row(y),
             variance: image.variance.row(y),
         };

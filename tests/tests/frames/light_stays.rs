@@ -3,7 +3,7 @@
 use linpred::VarianceKind;
 use linpred_core::{Params, Quality};
 use linpred_tests::frames::{Frame, Output, sampled, scenes};
-use linpred_tests::images::noise;
+use linpred_tests::images::{exponential, noise};
 use linpred_tests::tolerance::{LAMP, MEAN_ERRORS, MEAN_SHARE};
 use proptest::prelude::{Just, ProptestConfig, Strategy, any, prop_assert, prop_oneof, proptest};
 use proptest::sample::select;
@@ -31,7 +31,7 @@ impl Skew {
                 let normal = (0..12).map(uniform).sum::<f32>() - 6.0;
                 (deviation * normal - deviation * deviation / 2.0).exp()
             }
-            Self::Exponential => -uniform(0).max(1e-9).ln(),
+            Self::Exponential => exponential(seed + 16 * i as u32, y * SIDE + x),
         }
     }
 }

@@ -367,7 +367,8 @@ mod tests {
         let [lost, light, noise, factors, _] = results.each_mut().map(Vec::as_mut_slice);
         let input = LitRow {
             colour: planes.from(5),
-            counts: good,
+            noisy,
+            good,
             own,
             variance,
         };

@@ -157,12 +157,12 @@ impl Cells<TILE_FEATURES> for Share<'_, '_> {
         };
         let lane = &mut self.lanes[lane];
         lane.column = column;
-        self.row.around.load(&mut lane.tile, column);
         let around = self.row.around;
+        around.load(&mut lane.tile, column);
         let otherwise = lane.otherwise.as_deref_mut();
         lane.differs = otherwise.is_some_and(|other| around.load_otherwise(other, column));
         for (layer, tile) in lane.layers.iter_mut().enumerate() {
-            self.row.around.load_layer(tile, layer, column);
+            around.load_layer(tile, layer, column);
             tile.clear();
         }
         true

@@ -120,7 +120,8 @@ fn finished(plane: &[f32], outputs: &mut [&mut [f32]; 5]) {
     despeckle(black_box(&row), &mut cleared);
     let row = LitRow {
         colour: [plane(); 3],
-        counts: plane(),
+        noisy: plane(),
+        good: plane(),
         own: plane(),
         variance: plane(),
     };

@@ -152,8 +152,6 @@ impl Guides {
 pub(crate) struct Own {
     /// 1, or 0 where the input is not finite.
     pub(crate) good: Plane,
-    /// 1, or 0 where the pixel passes through or its input is not finite.
-    pub(crate) counts: Plane,
     /// Mean of the channels as they came.
     pub(crate) radiance: Plane,
     /// Its variance, summed over the channels.
@@ -163,13 +161,12 @@ pub(crate) struct Own {
 }
 
 impl Own {
-    pub(crate) const PLANES: usize = 5;
+    pub(crate) const PLANES: usize = 4;
 
     fn new(layout: &RowLayout) -> Self {
         let plane = || Plane::new(layout.size.width());
         Self {
             good: plane(),
-            counts: plane(),
             radiance: plane(),
             variance: plane(),
             largest_variance: plane(),
@@ -180,13 +177,6 @@ impl Own {
         let (colours, prepared) = (row.colours, row.prepared);
         let [red, green, blue] = &colours.colour;
         self.good.copy(&colours.good);
-        self.counts.fill(|x| {
-            if prepared.variance[x] > 0.0 {
-                colours.good[x]
-            } else {
-                0.0
-            }
-        });
         self.radiance
             .fill(|x| (red[x] + green[x] + blue[x]) * (1.0 / 3.0));
         self.variance.copy(&colours.variance);

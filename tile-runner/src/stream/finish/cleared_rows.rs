@@ -47,10 +47,11 @@ impl ClearedRow {
             )
         });
         let own = blended.own.row(y);
+        let (noisy, good) = (blended.rest.row(y).noisy.padded(), own.good.padded());
         let input = SpeckRow {
             colour: rows.map(Radiance::colour),
-            noisy: blended.rest.row(y).noisy.padded(),
-            good: own.good.padded(),
+            noisy,
+            good,
             own: own.radiance.padded(),
             variance: own.largest_variance.padded(),
         };
@@ -64,7 +65,8 @@ impl ClearedRow {
         self.radiance.all_mut().for_each(Plane::pad);
         let lit = LitRow {
             colour: self.radiance.colour(),
-            counts: own.counts.padded(),
+            noisy,
+            good,
             own: own.radiance.padded(),
             variance: own.variance.padded(),
         };

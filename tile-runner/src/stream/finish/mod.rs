@@ -18,9 +18,7 @@ mod finished_row;
 mod planes;
 mod smoothing;
 
-use linpred_core::{
-    DESPECKLE_RADIUS, ERROR_RADIUS, MEAN_RADIUS, RESTORE_RADIUS, SMOOTH_RADIUS, SMOOTHINGS,
-};
+use linpred_core::{DESPECKLE_RADIUS, ERROR_RADIUS, MEAN_RADIUS, RESTORE_RADIUS, SMOOTHINGS};
 use rayon::prelude::*;
 
 use crate::row::{OutputRow, RowLayout};
@@ -34,10 +32,7 @@ use crate::stream::neighbourhood::PixelRow;
 use crate::stream::row_ring::RowRing;
 
 /// Rows from one to its farthest neighbour in each pass.
-const REACH: [usize; SMOOTHINGS.len()] = [
-    SMOOTH_RADIUS * SMOOTHINGS[0].step,
-    SMOOTH_RADIUS * SMOOTHINGS[1].step,
-];
+const REACH: [usize; SMOOTHINGS.len()] = [SMOOTHINGS[0].reach(), SMOOTHINGS[1].reach()];
 /// Rows below one that the first pass needs, and the second of what the first has smoothed.
 const FIRST: usize = ERROR_RADIUS + REACH[0];
 const SECOND: usize = MEAN_RADIUS + REACH[1];

@@ -1,8 +1,8 @@
 //! A pass of the smoothing.
 
 use linpred_core::{
-    ComparedRow, ERROR_RADIUS, Feature, FinishedPlane, MEAN_RADIUS, Precisions, SMOOTH_RADIUS,
-    SMOOTH_SPAN, Smoothing, Surroundings,
+    ComparedRow, ERROR_RADIUS, Feature, FinishedPlane, MEAN_RADIUS, Precisions, SMOOTH_SPAN,
+    Smoothing, Surroundings,
 };
 
 use crate::row::RowLayout;
@@ -58,11 +58,6 @@ impl Pass {
         }
     }
 
-    /// Rows from one to its farthest neighbour.
-    pub(crate) fn reach(&self) -> usize {
-        SMOOTH_RADIUS * self.smoothing.step
-    }
-
     /// The first row whose error the next rows need.
     pub(crate) fn first_error(&self) -> usize {
         self.precisions.next().saturating_sub(ERROR_RADIUS)
@@ -71,7 +66,7 @@ impl Pass {
     /// The first row whose radiance and features the next rows need.
     pub(crate) fn first_read(&self) -> usize {
         let precisions = self.precisions.next().saturating_sub(MEAN_RADIUS);
-        precisions.min(self.smoothed.next().saturating_sub(self.reach()))
+        precisions.min(self.smoothed.next().saturating_sub(self.smoothing.reach()))
     }
 
     /// Works out the rows, at most `batch`, for which there is enough of `radiance`.
@@ -107,7 +102,7 @@ impl Pass {
                 own.takes_part.pad_with_zeros();
             },
         );
-        let reach = SMOOTH_RADIUS * smoothing.step;
+        let reach = smoothing.reach();
         let end = ready(precisions.next(), reach, height).min(smoothed.next() + batch);
         let precisions = &*precisions;
         extend(
@@ -120,7 +115,7 @@ impl Pass {
                     radiance,
                     precisions,
                     zeros,
-                    step: smoothing.step,
+                    smoothing,
                     y,
                 };
                 let rows = std::array::from_fn(|k| neighbours.compared(k));
@@ -170,14 +165,15 @@ struct Neighbours<'a> {
     radiance: &'a RowRing<Radiance>,
     precisions: &'a RowRing<Precision>,
     zeros: &'a Plane,
-    step: usize,
+    smoothing: &'a Smoothing,
     y: usize,
 }
 
 impl<'a> Neighbours<'a> {
     /// The number of the `k`-th row, if it is in the image.
     fn row(&self, k: usize) -> Option<usize> {
-        let y = (self.y + k * self.step).checked_sub(SMOOTH_RADIUS * self.step);
+        let Smoothing { step, .. } = *self.smoothing;
+        let y = (self.y + k * step).checked_sub(self.smoothing.reach());
         y.filter(|y| *y < self.blended.layout.size.height())
     }
 
