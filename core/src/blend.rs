@@ -183,6 +183,29 @@ pub fn resolve_layer<const D: usize>(
     resolved
 }
 
+/// A channel that is no light (alpha, a mask, a depth) and follows the colour: the same confidences on its own predictions, `sum_of_scalar`, and value,
+/// `own`. It does not become negative where it was not, but by the papers' formulas.
+#[inline(always)]
+pub fn resolve_scalar<const D: usize>(
+    pixel: &Pixel<D>,
+    sum: &Sum,
+    formulas: Formulas,
+    sum_of_scalar: f32,
+    own: f32,
+) -> f32 {
+    let confidence = own_confidence(pixel, sum, formulas);
+    let total = confidence + sum.confidence;
+    if total <= 0.0 {
+        return 0.0;
+    }
+    let value = mean(sum_of_scalar, confidence, own, total);
+    if goes_below(value, own, formulas) {
+        0.0
+    } else {
+        value
+    }
+}
+
 /// Whether a channel that came as `y` is negative, and was not.
 #[inline(always)]
 fn goes_below(value: f32, y: f32, formulas: Formulas) -> bool {

@@ -16,7 +16,7 @@
 //! | features without their noise | block | [`prefilter`] |
 //! | predictions by models, each fitted to the window around its centre | tile | [`denoise_cells`], or [`denoise_cell`] for one alone |
 //! | the predictions of all cells that reach a pixel, added up | pixel | [`Sum::add`] |
-//! | their mean | pixel | [`resolve`], and [`resolve_layer`] for the layers that follow |
+//! | their mean | pixel | [`resolve`], and [`resolve_layer`] and [`resolve_scalar`] for what follows |
 //! | grain smoothed, twice | row | [`weigh_pixels`], [`smooth`] |
 //! | specks taken out | row | [`despeckle`] |
 //! | light that was lost given back | row | [`compare_light`], [`find_factors`] |
@@ -78,7 +78,7 @@ mod least_squares;
 mod params;
 mod tile;
 
-pub use blend::{Denoised, LayerTile, Predictions, Sum, resolve, resolve_layer};
+pub use blend::{Denoised, LayerTile, Predictions, Sum, resolve, resolve_layer, resolve_scalar};
 pub use block::estimate_noise::{
     NOISE_HALO, NoiseBlock, NoisePlane, NoisyBlock, estimate_colour_noise, estimate_feature_noise,
 };

@@ -34,6 +34,10 @@ pub struct RowLayout {
     pub feature_variances: [bool; FEATURES],
     /// Extra colour layers to denoise with the models of the colour.
     pub layers: usize,
+    /// Whether the image has an alpha, denoised likewise, by which the colour is premultiplied.
+    pub alpha: bool,
+    /// Other channels that are no light (depths, masks, vectors), denoised likewise.
+    pub scalars: usize,
 }
 
 impl RowLayout {
@@ -45,6 +49,8 @@ impl RowLayout {
             features: [false; FEATURES],
             feature_variances: [false; FEATURES],
             layers: 0,
+            alpha: false,
+            scalars: 0,
         }
     }
 
@@ -70,6 +76,34 @@ impl RowLayout {
         Self { layers, ..self }
     }
 
+    /// With an alpha.
+    pub fn with_alpha(self) -> Self {
+        Self {
+            alpha: true,
+            ..self
+        }
+    }
+
+    /// With this many channels that are no light.
+    pub fn with_scalars(self, scalars: usize) -> Self {
+        Self { scalars, ..self }
+    }
+
+    /// The alpha and the other channels that are no light.
+    pub(crate) fn all_scalars(&self) -> usize {
+        usize::from(self.alpha) + self.scalars
+    }
+
+    /// Triples of channels that follow the colour: the layers, and then what is no light.
+    pub(crate) fn followers(&self) -> usize {
+        self.layers + self.all_scalars().div_ceil(3)
+    }
+
+    /// Channels that leave beside the colour: those of the layers, and what is no light.
+    pub(crate) fn following_planes(&self) -> usize {
+        3 * self.layers + self.all_scalars()
+    }
+
     /// Whether the image has a feature.
     pub(crate) fn has(&self, feature: Feature) -> bool {
         self.features[feature.range().start]
@@ -82,7 +116,8 @@ impl RowLayout {
 pub struct InputRow {
     /// Mean radiance, red green blue.
     pub colour: [Vec<f32>; 3],
-    /// Variance of the mean radiance (see [`VarianceKind`]).
+    /// Variance of the mean radiance (see [`VarianceKind`]). 0 says that the pixel is exact; a pixel with a NaN in one of the channels has none that is
+    /// known, and the pipeline estimates it from the picture (see [`Counts::estimated`](crate::Counts)).
     pub variance: [Vec<f32>; 3],
     /// Features (see [`FEATURES`] for the order).
     pub features: [Vec<f32>; FEATURES],
@@ -90,6 +125,10 @@ pub struct InputRow {
     pub feature_variances: [Vec<f32>; FEATURES],
     /// Extra layers, each red green blue.
     pub layers: Vec<[Vec<f32>; 3]>,
+    /// Alpha, 0 to 1; empty if the image has none.
+    pub alpha: Vec<f32>,
+    /// Channels that are no light.
+    pub scalars: Vec<Vec<f32>>,
 }
 
 impl InputRow {
@@ -106,6 +145,8 @@ impl InputRow {
             features: core::array::from_fn(feature),
             feature_variances: core::array::from_fn(feature),
             layers: (0..layout.layers).map(|_| planes(width)).collect(),
+            alpha: vec![0.0; if layout.alpha { width } else { 0 }],
+            scalars: vec![vec![0.0; width]; layout.scalars],
         }
     }
 
@@ -117,6 +158,24 @@ impl InputRow {
     /// The planes of its variances.
     pub fn feature_variance_mut(&mut self, feature: Feature) -> &mut [Vec<f32>] {
         &mut self.feature_variances[feature.range()]
+    }
+
+    /// Every plane; a feature that the image lacks has empty ones.
+    pub(crate) fn planes(&self) -> impl Iterator<Item = &Vec<f32>> {
+        let features = self.features.iter().chain(&self.feature_variances);
+        let radiance = self.colour.iter().chain(&self.variance);
+        let layers = self.layers.iter().flatten();
+        let scalars = std::iter::once(&self.alpha).chain(&self.scalars);
+        radiance.chain(features).chain(layers).chain(scalars)
+    }
+
+    /// The same, to be filled.
+    pub(crate) fn planes_mut(&mut self) -> impl Iterator<Item = &mut Vec<f32>> {
+        let features = self.features.iter_mut().chain(&mut self.feature_variances);
+        let radiance = self.colour.iter_mut().chain(&mut self.variance);
+        let layers = self.layers.iter_mut().flatten();
+        let scalars = std::iter::once(&mut self.alpha).chain(&mut self.scalars);
+        radiance.chain(features).chain(layers).chain(scalars)
     }
 
     /// Whether its planes have the sizes of a row made for `layout`.
@@ -135,12 +194,16 @@ impl InputRow {
             && features(&self.feature_variances)
             && self.layers.len() == layout.layers
             && self.layers.iter().all(|layer| whole(layer))
+            && self.alpha.len() == if layout.alpha { width } else { 0 }
+            && self.scalars.len() == layout.scalars
+            && whole(&self.scalars)
     }
 
     /// Bytes of a row.
     pub fn bytes(layout: &RowLayout) -> u64 {
         let features = layout.features.iter().filter(|present| **present).count();
-        plane_bytes(layout.size, 1, 6 + 2 * features + 3 * layout.layers)
+        let planes = 6 + 2 * features + layout.following_planes();
+        plane_bytes(layout.size, 1, planes)
     }
 }
 
@@ -158,6 +221,10 @@ pub struct OutputRow {
     pub rank: Vec<f32>,
     /// Denoised extra layers, each red green blue.
     pub layers: Vec<[Vec<f32>; 3]>,
+    /// Denoised alpha, 0 to 1; empty if the image has none.
+    pub alpha: Vec<f32>,
+    /// Denoised channels that are no light.
+    pub scalars: Vec<Vec<f32>>,
 }
 
 impl OutputRow {
@@ -172,13 +239,59 @@ impl OutputRow {
             layers: (0..layout.layers)
                 .map(|_| std::array::from_fn(|_| plane()))
                 .collect(),
+            alpha: if layout.alpha { plane() } else { Vec::new() },
+            scalars: (0..layout.scalars).map(|_| plane()).collect(),
         }
     }
 
     /// Bytes of a row.
     pub fn bytes(layout: &RowLayout) -> u64 {
-        plane_bytes(layout.size, 1, 6 + 3 * layout.layers)
+        plane_bytes(layout.size, 1, 6 + layout.following_planes())
     }
+
+    /// Every plane; an image without alpha has an empty one.
+    pub(crate) fn planes(&self) -> impl Iterator<Item = &Vec<f32>> {
+        let models = [&self.error, &self.radius, &self.rank];
+        let layers = self.layers.iter().flatten();
+        let scalars = std::iter::once(&self.alpha).chain(&self.scalars);
+        let light = self.colour.iter().chain(layers);
+        light.chain(models).chain(scalars)
+    }
+
+    /// The same, to be filled.
+    pub(crate) fn planes_mut(&mut self) -> impl Iterator<Item = &mut Vec<f32>> {
+        let models = [&mut self.error, &mut self.radius, &mut self.rank];
+        let layers = self.layers.iter_mut().flatten();
+        let scalars = std::iter::once(&mut self.alpha).chain(&mut self.scalars);
+        let light = self.colour.iter_mut().chain(layers);
+        light.chain(models).chain(scalars)
+    }
+
+    /// The alpha, if there is one, and the other channels that are no light.
+    pub(crate) fn all_scalars(&self) -> impl Iterator<Item = &Vec<f32>> {
+        let alpha = Some(&self.alpha).filter(|alpha| !alpha.is_empty());
+        alpha.into_iter().chain(&self.scalars)
+    }
+
+    /// The same, to be filled.
+    pub(crate) fn all_scalars_mut(&mut self) -> impl Iterator<Item = &mut Vec<f32>> {
+        let alpha = Some(&mut self.alpha).filter(|alpha| !alpha.is_empty());
+        alpha.into_iter().chain(&mut self.scalars)
+    }
+}
+
+/// Half floats have 11 bits: each of a few layers and the colour may be rounded by 2^-12 of itself.
+const SUM_TOLERANCE: f32 = 1.0 / 1024.0;
+
+/// Whether the layers of a pixel sum to its colour, to the precision of half floats. Values that are not finite do not tell.
+pub(crate) fn sums_up(colour: f32, layers: impl Iterator<Item = f32>) -> bool {
+    let (mut sum, mut size) = (0.0, 0.0);
+    for layer in layers {
+        sum += layer;
+        size += layer.abs();
+    }
+    let off = (sum - colour).abs() > SUM_TOLERANCE * colour.abs().max(size);
+    !off
 }
 
 /// Delivers the rows of an image. An error of its own is an [`Error::renderer`](crate::Error::renderer).

@@ -39,7 +39,7 @@ const VARIANCES: f32 = 3.0;
 ///
 /// `luminance` is that of the row, in the middle, and of the four above and below: mean magnitudes of the channels as they came, finite, each row
 /// with [`FIREFLY_HALO`] columns more at either end. A pixel that is bad or lies beyond the image counts as 0. `variance` is the stated
-/// variance of the row's means, summed over the channels, or `None`. Each of `fireflies` becomes whether its column is one; a column that
+/// variance of the row's means, summed over the channels, NaN where none is stated, or `None`. Each of `fireflies` becomes whether its column is one; a column that
 /// `luminance` or `variance` does not reach is none.
 ///
 /// A factor of a power of two in the radiance changes no decision while `l^2` is a normal number.
@@ -52,7 +52,7 @@ pub fn find_fireflies(
     for (x, firefly) in fireflies.iter_mut().enumerate() {
         if *firefly {
             let variance = variance.map(|row| row.get(x).copied().unwrap_or(0.0));
-            *firefly = is_firefly(luminance, x, variance);
+            *firefly = is_firefly(luminance, x, variance.filter(|v| !v.is_nan()));
         }
     }
 }

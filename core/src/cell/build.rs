@@ -5,9 +5,12 @@ use crate::cell::fit::Fit;
 use crate::cell::fit::lpr::Lpr;
 use crate::cell::fit::robust::Systems;
 use crate::cell::lent::{Cells, Scratch};
+use crate::cell::model::Coefficients;
 use crate::cell::rings::{Centre, Centres, RING_STEPS};
-use crate::cell::window::Colours;
+use crate::cell::window::{Colours, Sample};
+use crate::lanes::{Rgb, lanes_stay_innermost};
 use crate::params::{Formulas, Params};
+use crate::tile::{CHANNELS, WINDOW_AREA};
 
 /// Builds the models of the windows around the centres.
 ///
@@ -68,7 +71,13 @@ fn build<F: Fit<T, D, L>, const T: usize, const D: usize, const L: usize>(
     }
     for layer in 0..layers {
         read_layer(cells, centres, layer, predicted.colours());
-        let coefficients = fit.fit_layer(windows, &models.radius, predicted.colours());
+        let even = even_lanes(&windows.samples, predicted.colours());
+        let centre = predicted.colours()[0];
+        let mut coefficients = [[[0.0; L]; T]; CHANNELS];
+        if !even.iter().all(|even| *even) {
+            coefficients = fit.fit_layer(windows, &models.radius, predicted.colours());
+        }
+        keep_even(&mut coefficients, &even, &centre);
         predicted.predict_layer(&coefficients, windows);
         for (lane, centre) in with_models(centres, &windows.live) {
             if let Some(layer) = cells.results(lane).1.get_mut(layer) {
@@ -86,6 +95,43 @@ fn with_models<const L: usize>(
 ) -> impl Iterator<Item = (usize, Centre)> {
     let lanes = centres.iter().zip(live).enumerate();
     lanes.filter_map(|(lane, (centre, live))| centre.filter(|_| *live).map(|centre| (lane, centre)))
+}
+
+/// In which lanes a layer has one value for every pixel of the window that has a weight. Most of an alpha is like that, and many a layer is black
+/// over most of an image: nothing is to be fitted there, and what a fit adds is rounding.
+#[inline(always)]
+fn even_lanes<const L: usize>(samples: &[Sample<L>; WINDOW_AREA], layer: &Colours<L>) -> [bool; L] {
+    let [centre, ..] = layer;
+    let mut differ = [0.0; L];
+    for (sample, colour) in samples.iter().zip(layer) {
+        for c in 0..CHANNELS {
+            for l in 0..L {
+                let apart = (colour[c][l] - centre[c][l]).abs();
+                let counts = sample.weight[l] > 0.0;
+                differ[l] += if counts { apart } else { 0.0 };
+            }
+        }
+        lanes_stay_innermost();
+    }
+    differ.map(|differ| differ == 0.0)
+}
+
+/// Makes the models of even lanes the value of their centres.
+#[inline(always)]
+fn keep_even<const T: usize, const L: usize>(
+    coefficients: &mut Coefficients<T, L>,
+    even: &[bool; L],
+    centre: &Rgb<L>,
+) {
+    for c in 0..CHANNELS {
+        for t in 0..T {
+            for l in 0..L {
+                let value = if t == 0 { centre[c][l] } else { 0.0 };
+                let fitted = coefficients[c][t][l];
+                coefficients[c][t][l] = if even[l] { value } else { fitted };
+            }
+        }
+    }
 }
 
 /// The layer's radiance in the windows around the centres, ring after ring.

@@ -15,10 +15,7 @@ pub(crate) struct Image {
 impl Image {
     /// Reads an EXR file through the library's own source.
     pub(crate) fn read(path: &Path) -> Result<Self> {
-        let request = InputRequest {
-            path: path.to_owned(),
-            ..InputRequest::default()
-        };
+        let request = InputRequest::new(path);
         let mut source = Input::open(&request)?.source(DEFAULT_MEMORY_LIMIT)?;
         let layout = source.layout();
         let mut rows = Vec::new();

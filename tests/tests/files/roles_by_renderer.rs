@@ -30,11 +30,7 @@ fn open(parts: Vec<TestPart>, roles: RoleRequest) -> Result<Input, Error> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("in.exr");
     write(&path, SIZE, parts);
-    Input::open(&InputRequest {
-        path,
-        roles,
-        ..InputRequest::default()
-    })
+    Input::open(&InputRequest::new(path).with_roles(roles))
 }
 
 fn auto(parts: Vec<TestPart>) -> Input {
@@ -402,7 +398,7 @@ fn given_variance_is_preferred_to_half_buffers_and_the_user_to_both() {
 }
 
 #[test]
-fn a_feature_of_another_size_is_left_aside_unless_the_user_insists() {
+fn a_feature_of_another_window_is_used_where_it_is() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("in.exr");
     let colours = part(["R", "G", "B"].map(|c| half(c, PIXELS, 1)).to_vec());
@@ -422,28 +418,43 @@ fn a_feature_of_another_size_is_left_aside_unless_the_user_insists() {
             },
         ],
     );
-    shift_second_part(&path);
-    let request = |map| InputRequest {
-        path: path.clone(),
-        roles: RoleRequest {
+    shift_second_part(&path, 1);
+    let request = |map| {
+        let roles = RoleRequest {
             map,
             ..RoleRequest::default()
-        },
-        ..InputRequest::default()
+        };
+        InputRequest::new(&path).with_roles(roles)
     };
     let input = Input::open(&request(vec![])).unwrap();
-    assert!(input.roles.feature(Feature::Albedo).is_none());
+    let [warning] = &input.roles.warnings[..] else {
+        panic!("{:?}", input.roles.warnings)
+    };
     assert!(
-        input.roles.notes[0].contains("albedo not used")
-            && input.roles.notes[0].contains("data window"),
-        "{:?}",
-        input.roles.notes
+        warning.contains("albedo is not known everywhere"),
+        "{warning}"
     );
+    assert!(warning.contains("4 x 3 pixels at (1, 0)"), "{warning}");
+    let mut source = input.source(1 << 30).unwrap();
+    let mut row = InputRow::new(&source.layout());
+    source.read_row(0, &mut row).unwrap();
+    let albedo = row.feature_mut(Feature::Albedo);
+    assert!(
+        albedo[0][0].is_nan() && albedo[0][1] == 0.5,
+        "{:?}",
+        albedo[0]
+    );
+
+    shift_second_part(&path, SIZE.0 as i32);
+    let input = Input::open(&request(vec![])).unwrap();
+    assert!(input.roles.feature(Feature::Albedo).is_none());
+    assert!(input.roles.warnings[0].contains("albedo not used"));
     let error = Input::open(&request(vec![Mapping::parse("albedo=albedo").unwrap()])).unwrap_err();
     assert!(matches!(error, Error::Invalid(_)), "{error}");
 }
 
-fn shift_second_part(path: &Path) {
+/// Moves the data window of the second part to the right.
+fn shift_second_part(path: &Path, columns: i32) {
     use linpred::exr_file::attributes::RawHeader;
     let bytes = std::fs::read(path).unwrap();
     let mut header = RawHeader::parse(&bytes).unwrap().unwrap();
@@ -452,7 +463,7 @@ fn shift_second_part(path: &Path) {
         .unwrap()
         .to_vec();
     for at in [0, 8] {
-        let x = i32::from_le_bytes(window[at..at + 4].try_into().unwrap()) + 1;
+        let x = i32::from_le_bytes(window[at..at + 4].try_into().unwrap()) + columns;
         window[at..at + 4].copy_from_slice(&x.to_le_bytes());
     }
     header.parts[1].set("dataWindow", "box2i", window);
@@ -463,7 +474,6 @@ fn shift_second_part(path: &Path) {
 
 #[test]
 fn a_channel_may_say_how_many_samples_each_pixel_took() {
-    use linpred::{InputRow, RowSource};
     let mut channels: Vec<_> = ["R", "G", "B"].map(|c| constant(c, PIXELS, 1.0)).to_vec();
     channels.extend(["R", "G", "B"].map(|c| constant(&format!("Variance.{c}"), PIXELS, 6.0)));
     let counts = (0..PIXELS).map(|i| (i + 1) as f32).collect();
@@ -471,11 +481,7 @@ fn a_channel_may_say_how_many_samples_each_pixel_took() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("in.exr");
     write(&path, SIZE, vec![part(channels)]);
-    let input = Input::open(&InputRequest {
-        path,
-        ..InputRequest::default()
-    })
-    .unwrap();
+    let input = Input::open(&InputRequest::new(path)).unwrap();
     let mut source = input.source(1 << 30).unwrap();
     let mut row = InputRow::new(&source.layout());
     source.read_row(1, &mut row).unwrap();

@@ -20,12 +20,7 @@ const LIMIT: u64 = 1 << 30;
 
 fn open(path: &Path, layers: &[&str]) -> Input {
     let layers = layers.iter().map(|layer| (*layer).to_owned()).collect();
-    Input::open(&InputRequest {
-        path: path.to_owned(),
-        layers,
-        ..InputRequest::default()
-    })
-    .unwrap()
+    Input::open(&InputRequest::new(path).with_layers(layers)).unwrap()
 }
 
 /// A sink for what denoising `input` gives.
@@ -56,7 +51,10 @@ fn write_constants(input: &Input, output: &Path, extra: ExtraLayers) {
     row.error = plane(3.0);
     row.radius = plane(4.0);
     row.rank = plane(5.0);
-    row.layers = (0..input.layers.len() as u8)
+    let layout = input.layout();
+    row.alpha = plane(0.75);
+    row.scalars = vec![plane(7.0); layout.scalars];
+    row.layers = (0..layout.layers as u8)
         .map(|n| [0.0, 0.25, 0.5].map(|k| plane(8.0 + f32::from(n) + k)))
         .collect();
     for y in 0..SIZE.1 {
@@ -120,19 +118,19 @@ fn rows_hold_the_samples_of_the_file_whatever_its_layout() {
 fn two_halves_are_averaged_and_their_difference_is_the_variance() {
     let folder = tempfile::tempdir().unwrap();
     let (path, other) = (folder.path().join("a.exr"), folder.path().join("b.exr"));
-    let image = |value: f32| {
-        let mut channels: Vec<NamedSamples> =
-            ["R", "G", "B"].map(|c| constant(c, PIXELS, value)).to_vec();
-        channels.push(constant("Z", PIXELS, 10.0 * value));
+    // noise: of one sign here and of the other there
+    let image = |values: [f32; 2], scale: f32| {
+        let of = |name: &str, scale: f32| {
+            let samples = (0..PIXELS).map(|i| scale * values[i % 2]).collect();
+            (name.to_owned(), FlatSamples::F32(samples))
+        };
+        let mut channels: Vec<NamedSamples> = ["R", "G", "B"].map(|c| of(c, 1.0)).to_vec();
+        channels.push(of("Z", scale));
         vec![part(channels)]
     };
-    write(&path, SIZE, image(1.0));
-    write(&other, SIZE, image(2.0));
-    let request = InputRequest {
-        path,
-        other_half: Some(other),
-        ..InputRequest::default()
-    };
+    write(&path, SIZE, image([1.0, 2.0], 10.0));
+    write(&other, SIZE, image([2.0, 1.0], 10.0));
+    let request = InputRequest::new(path).with_other_half(Some(other));
     let input = Input::open(&request).unwrap();
     assert_eq!(
         input.source(LIMIT).unwrap().layout().variance,

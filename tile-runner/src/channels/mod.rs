@@ -3,11 +3,13 @@
 //! [`ChannelNames`] lists the channels of the input files under every name that people use for them; the presets know what each renderer calls
 //! them; [`Roles`] is what comes of both, and of what a user asks for.
 
+pub(crate) mod identifiers;
 pub(crate) mod names;
 pub(crate) mod presets;
 pub(crate) mod roles;
 pub(crate) mod samples;
 pub(crate) mod variance;
+pub(crate) mod views;
 
 pub use names::{ChannelNames, ChannelRef, NamedChannel};
 pub use presets::{PRESET_NAMES, Preset, Role};

@@ -1,10 +1,11 @@
 //! The channels of one or more files under the names that people use for them.
 //!
 //! A channel's full name is `layer.component` (`ViewLayer.Denoising Albedo.R`). Multi-part files may keep the layer in the
-//! part's name and only the component in the channel's: both spellings find it.
+//! part's name and only the component in the channel's: both spellings find it. A view's name (`left`) may stand anywhere in either; lookups do without.
 
 use std::sync::Arc;
 
+use crate::channels::views;
 use crate::error::Error;
 use crate::exr_file::ExrFile;
 
@@ -28,15 +29,18 @@ pub struct NamedChannel {
     pub layer: String,
     /// Everything after the last dot.
     pub component: String,
+    /// The view that the channel is of, whose name is left out of the layer's; `None` in a file without views, and for what all views share.
+    pub view: Option<Arc<str>>,
 }
 
 impl NamedChannel {
-    fn new(at: ChannelRef, full: &str) -> Self {
+    fn new(at: ChannelRef, full: &str, view: Option<Arc<str>>) -> Self {
         let (layer, component) = full.rsplit_once('.').unwrap_or(("", full));
         Self {
             at,
             layer: layer.to_owned(),
             component: component.to_owned(),
+            view,
         }
     }
 
@@ -54,13 +58,20 @@ impl NamedChannel {
 #[derive(Clone, Debug, Default)]
 pub struct ChannelNames {
     files: Vec<Arc<ExrFile>>,
+    /// The views of the first file, the one that is shown by default first; none of most files.
+    views: Vec<Arc<str>>,
     names: Vec<NamedChannel>,
+    /// The names as they stand in the files, with and without the part's.
+    stored: Vec<NamedChannel>,
 }
 
 impl ChannelNames {
     /// The channels of `main`.
     pub fn new(main: Arc<ExrFile>) -> Self {
-        let mut names = Self::default();
+        let mut names = Self {
+            views: views::of_file(&main),
+            ..Self::default()
+        };
         names.add(main);
         names
     }
@@ -68,26 +79,69 @@ impl ChannelNames {
     /// Adds a file and gives its position. Lookups without a file see only file 0.
     pub fn add(&mut self, file: Arc<ExrFile>) -> usize {
         let index = self.files.len();
+        let multi_part = file.parts().len() > 1;
+        let views = views::of_file(&file);
+        // the first part of each view holds bare names
+        let mut begun: Vec<Option<Arc<str>>> = Vec::new();
         for part in file.parts() {
-            for channel in 0..part.header.channels.list.len() {
+            let named = part.name.as_deref().filter(|_| multi_part);
+            let (view, label) = views::of_part(part, named, &views);
+            let own: Vec<String> = (0..part.header.channels.list.len())
+                .map(|channel| part.channel_name(channel))
+                .collect();
+            let found = views::of_channels(&own, view.as_ref(), &views, !multi_part);
+            let first = !found.iter().all(|(view, _)| begun.contains(view));
+            let bare: Vec<&str> = found.iter().map(|(_, name)| name.as_str()).collect();
+            for (channel, (view, name)) in found.iter().enumerate() {
                 let at = ChannelRef {
                     file: index,
                     part: part.index,
                     channel,
                 };
-                let own = part.channel_name(channel);
-                let multi_part = file.parts().len() > 1;
-                for full in spellings(
-                    &own,
-                    part.name.as_deref().filter(|_| multi_part),
-                    part.index == 0,
-                ) {
-                    self.names.push(NamedChannel::new(at, &full));
+                for full in spellings(name, label.as_deref(), first) {
+                    let spelt = NamedChannel::new(at, &full, view.clone());
+                    self.names.push(spelt);
+                }
+                if let Some((stem, component)) = triple_of(name, &bare) {
+                    for layer in spellings(&stem, label.as_deref(), first) {
+                        self.names.push(NamedChannel {
+                            at,
+                            layer,
+                            component: component.clone(),
+                            view: view.clone(),
+                        });
+                    }
+                }
+                for full in spellings(&own[channel], named, true) {
+                    self.stored.push(NamedChannel::new(at, &full, view.clone()));
                 }
             }
+            begun.extend(found.into_iter().map(|(view, _)| view));
         }
         self.files.push(file);
         index
+    }
+
+    /// The views of the noisy image, by the names that its header gives them; empty for most.
+    pub fn views(&self) -> &[Arc<str>] {
+        &self.views
+    }
+
+    /// The same without the channels of all views but `view`.
+    pub fn of_view(&self, view: &str) -> Self {
+        let seen = |name: &&NamedChannel| name.view.as_deref().is_none_or(|own| own == view);
+        Self {
+            files: self.files.clone(),
+            views: self.views.clone(),
+            names: self.names.iter().filter(seen).cloned().collect(),
+            stored: self.stored.clone(),
+        }
+    }
+
+    /// The view that a channel is of.
+    pub(crate) fn view(&self, at: ChannelRef) -> Option<Arc<str>> {
+        let name = self.names.iter().find(|name| name.at == at);
+        name.and_then(|name| name.view.clone())
     }
 
     /// The input files.
@@ -119,31 +173,25 @@ impl ChannelNames {
         layer: &str,
         sets: &[[&str; N]],
     ) -> Option<[ChannelRef; N]> {
-        sets.iter().find_map(|set| {
-            let found = set.map(|component| {
-                self.in_file(file)
-                    .find(|name| {
-                        name.layer == layer && name.component.eq_ignore_ascii_case(component)
-                    })
-                    .map(|name| name.at)
-            });
-            found
-                .iter()
-                .all(Option::is_some)
-                .then(|| found.map(|at| at.expect("all are there")))
-        })
+        let inside = |name: &&NamedChannel| name.at.file == file && name.layer == layer;
+        let own = self.names.iter().filter(inside);
+        let stored = self.stored.iter().filter(inside);
+        complete(own, sets).or_else(|| complete(stored, sets))
     }
 
-    /// The channel of this full name.
+    /// The channel of this full name, as it stands in the file or without its view.
     pub fn channel(&self, file: usize, full: &str) -> Option<ChannelRef> {
-        self.in_file(file)
-            .find(|name| name.full() == full)
-            .map(|name| name.at)
+        let called = |name: &&NamedChannel| name.at.file == file && name.full() == full;
+        let own = self.names.iter().find(called);
+        let found = own.or_else(|| self.stored.iter().find(called));
+        // V-Ray's root channels begin with a dot
+        let dotted = || self.channel(file, full.strip_prefix('.')?);
+        found.map(|name| name.at).or_else(dotted)
     }
 
-    /// The full name of a channel.
+    /// The full name of a channel, as it stands in the file but for a leading part's.
     pub fn name(&self, at: ChannelRef) -> String {
-        let name = self.names.iter().find(|name| name.at == at);
+        let name = self.stored.iter().rfind(|name| name.at == at);
         name.map(NamedChannel::full).unwrap_or_default()
     }
 
@@ -171,10 +219,43 @@ impl ChannelNames {
     }
 }
 
+/// The channels among `names` of the first of `sets` that is complete.
+fn complete<'a, const N: usize>(
+    names: impl Iterator<Item = &'a NamedChannel>,
+    sets: &[[&str; N]],
+) -> Option<[ChannelRef; N]> {
+    let names: Vec<&NamedChannel> = names.collect();
+    sets.iter().find_map(|set| {
+        let found = set.map(|component| {
+            let called = |name: &&&NamedChannel| name.component.eq_ignore_ascii_case(component);
+            names.iter().find(called).map(|name| name.at)
+        });
+        let all = found.iter().all(Option::is_some);
+        all.then(|| found.map(|at| at.expect("all are there")))
+    })
+}
+
+/// Endings of three channels that belong together, in the names of renderers that put no dot before them.
+const ENDINGS: [[&str; 3]; 3] = [["red", "green", "blue"], ["r", "g", "b"], ["x", "y", "z"]];
+
+/// The layer and the component of a channel such as `Nx` or `albedo_red`, where `names` have the other two.
+fn triple_of(name: &str, names: &[&str]) -> Option<(String, String)> {
+    let lower = name.to_ascii_lowercase();
+    let has = |wanted: &str| names.iter().any(|name| name.eq_ignore_ascii_case(wanted));
+    ENDINGS.iter().find_map(|endings| {
+        let ending = endings.iter().find(|ending| lower.ends_with(**ending))?;
+        let stem = &lower[..lower.len() - ending.len()];
+        let layer = stem.trim_end_matches(['_', '-', ':', '/', ' ']);
+        let last = layer.rsplit('.').next().unwrap_or(layer);
+        let whole = !last.is_empty() && endings.iter().all(|e| has(&format!("{stem}{e}")));
+        whole.then(|| (name[..layer.len()].to_owned(), (*ending).to_owned()))
+    })
+}
+
 /// The names of a channel: with the part's name before it unless it is there already; bare too in the first part.
 fn spellings(own: &str, part: Option<&str>, first: bool) -> Vec<String> {
     match part {
-        None => vec![own.to_owned()],
+        None | Some("") => vec![own.to_owned()],
         Some(part)
             if own
                 .strip_prefix(part)
@@ -189,7 +270,7 @@ fn spellings(own: &str, part: Option<&str>, first: bool) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::spellings;
+    use super::{spellings, triple_of};
 
     #[test]
     fn a_part_name_is_put_before_a_channel_once() {
@@ -200,5 +281,21 @@ mod tests {
         assert_eq!(spellings("R", Some("diffuse"), false), ["diffuse.R"]);
         assert_eq!(spellings("R", Some("rgba"), true), ["R", "rgba.R"]);
         assert_eq!(spellings("R", None, true), ["R"]);
+    }
+
+    #[test]
+    fn channels_whose_names_end_alike_are_a_layer() {
+        let of = |name: &str, names: &[&str]| triple_of(name, names);
+        let layer = |layer: &str, component: &str| Some((layer.to_owned(), component.to_owned()));
+        assert_eq!(of("Nsx", &["Nsx", "Nsy", "Nsz"]), layer("Ns", "x"));
+        assert_eq!(of("Nsx", &["Nsx", "Nsy"]), None);
+        let albedo = ["albedo_red", "albedo_green", "albedo_blue"];
+        assert_eq!(of("albedo_green", &albedo), layer("albedo", "green"));
+        assert_eq!(
+            of("vl.AlbedoB", &["vl.AlbedoR", "vl.AlbedoG", "vl.AlbedoB"]),
+            layer("vl.Albedo", "b")
+        );
+        assert_eq!(of("R", &["R", "G", "B"]), None);
+        assert_eq!(of("vl.R", &["vl.R", "vl.G", "vl.B"]), None);
     }
 }

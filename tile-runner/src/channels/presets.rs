@@ -9,6 +9,8 @@ use crate::channels::variance::Meaning;
 pub enum Role {
     /// The radiance to denoise.
     Colour,
+    /// Its alpha, by which it is premultiplied.
+    Alpha,
     /// Surface albedo.
     Albedo,
     /// Surface normal.
@@ -33,8 +35,9 @@ pub enum Role {
 
 impl Role {
     /// Every role.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Colour,
+        Self::Alpha,
         Self::Albedo,
         Self::Normal,
         Self::Depth,
@@ -51,6 +54,7 @@ impl Role {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Colour => "colour",
+            Self::Alpha => "alpha",
             Self::Albedo => "albedo",
             Self::Normal => "normal",
             Self::Depth => "depth",
@@ -93,7 +97,7 @@ impl Role {
             | Self::HalfA
             | Self::HalfB => Components::Colour,
             Self::Normal | Self::NormalVariance => Components::Vector,
-            Self::Depth | Self::DepthVariance | Self::Samples => Components::Scalar,
+            Self::Alpha | Self::Depth | Self::DepthVariance | Self::Samples => Components::Scalar,
         }
     }
 }
@@ -111,7 +115,7 @@ impl Components {
     pub(crate) const fn triples(self) -> &'static [[&'static str; 3]] {
         match self {
             Self::Colour => &[["R", "G", "B"], ["red", "green", "blue"]],
-            Self::Vector => &[["X", "Y", "Z"], ["R", "G", "B"]],
+            Self::Vector => &[["X", "Y", "Z"], ["R", "G", "B"], ["red", "green", "blue"]],
             Self::Scalar => &[],
         }
     }
@@ -122,13 +126,18 @@ impl Components {
 pub(crate) enum Pattern {
     /// A layer of this name, after any prefix (`ViewLayer.`); the empty name is the bare channels `R G B`.
     Layer(&'static str),
-    /// Three bare channels of these names.
-    Names([&'static str; 3]),
     /// The layer that the role's mean was found in, with this before it.
     Prefixed(&'static str),
     /// The first layer with this prefix whose unprefixed layer has R G B A: for bare `R G B`, which have no layer
     /// of their own but copy the first image below them.
     PrefixedImage(&'static str),
+}
+
+impl Pattern {
+    /// Whether it names this layer.
+    pub(crate) fn is(self, layer: &str) -> bool {
+        matches!(self, Self::Layer(own) if own == layer)
+    }
 }
 
 /// One line of the table.
@@ -147,6 +156,10 @@ pub struct Preset {
     pub name: &'static str,
     /// Attributes (or their beginnings) that only this renderer writes.
     signs: &'static [Sign],
+    /// The layer that people look at, into which the renderer's own denoiser writes: a result goes there, wherever the noisy colour came from.
+    pub(crate) shown: Option<&'static str>,
+    /// Whether a variance of 0 says that no sample was counted, and nothing of noise.
+    pub(crate) zero_is_unknown: bool,
     pub(crate) rules: &'static [Rule],
 }
 
@@ -196,7 +209,7 @@ pub const PRESET_NAMES: [&str; 8] = [
 /// although its name ends like that of one.
 pub(crate) const MOMENT: &str = "m2_";
 
-use Pattern::{Layer, Names, Prefixed, PrefixedImage};
+use Pattern::{Layer, Prefixed, PrefixedImage};
 
 const fn rule(role: Role, patterns: &'static [Pattern]) -> Rule {
     variance(role, Meaning::OfMean, patterns)
@@ -218,6 +231,8 @@ const PRESETS: &[Preset] = &[
             Sign::Attribute("BlenderMultiChannel"),
             Sign::Attribute("cycles."),
         ],
+        shown: Some("Combined"),
+        zero_is_unknown: false,
         rules: &[
             // with denoising on, Combined is already denoised and Noisy Image is what was rendered
             rule(Role::Colour, &[Layer("Noisy Image"), Layer("Combined")]),
@@ -241,6 +256,8 @@ const PRESETS: &[Preset] = &[
     Preset {
         name: "mitsuba",
         signs: &[Sign::Value("generatedBy", "Mitsuba")],
+        shown: None,
+        zero_is_unknown: false,
         rules: &[
             rule(Role::Colour, &[Layer("")]),
             rule(Role::Albedo, &[Layer("albedo")]),
@@ -280,18 +297,13 @@ const PRESETS: &[Preset] = &[
     Preset {
         name: "pbrt",
         signs: &[Sign::Attribute("samplesPerPixel")],
+        shown: None,
+        // film.cpp: the estimator is fed where a ray hit a surface, and stays at 0 in volumes and the sky
+        zero_is_unknown: true,
         rules: &[
             rule(Role::Colour, &[Layer("")]),
             rule(Role::Albedo, &[Layer("Albedo")]),
-            rule(
-                Role::Normal,
-                &[
-                    Layer("Ns"),
-                    Names(["Nsx", "Nsy", "Nsz"]),
-                    Layer("N"),
-                    Names(["Nx", "Ny", "Nz"]),
-                ],
-            ),
+            rule(Role::Normal, &[Layer("Ns"), Layer("N")]),
             rule(Role::Depth, &[Layer("Z")]),
             variance(Role::Variance, Meaning::OfSample, &[Layer("Variance")]),
         ],
@@ -299,23 +311,32 @@ const PRESETS: &[Preset] = &[
     Preset {
         name: "renderman",
         signs: &[Sign::Attribute("rman"), Sign::Attribute("prman")],
+        shown: None,
+        zero_is_unknown: false,
         rules: &[
             rule(Role::Colour, &[Layer(""), Layer("Ci"), Layer("beauty")]),
             rule(Role::Albedo, &[Layer("albedo")]),
             rule(Role::Normal, &[Layer("normal"), Layer("Nn")]),
             rule(Role::Depth, &[Layer("zfiltered"), Layer("z")]),
             rule(Role::Variance, &[Layer("mse")]),
-            rule(
+            // by Pixar's help, mse is the variance of the mean and var that of one sample
+            rule(Role::AlbedoVariance, &[Layer("albedo_mse")]),
+            variance(
                 Role::AlbedoVariance,
-                &[Layer("albedo_mse"), Layer("albedo_var")],
+                Meaning::OfSample,
+                &[Layer("albedo_var")],
             ),
-            rule(
+            rule(Role::NormalVariance, &[Layer("normal_mse")]),
+            variance(
                 Role::NormalVariance,
-                &[Layer("normal_mse"), Layer("normal_var")],
+                Meaning::OfSample,
+                &[Layer("normal_var")],
             ),
-            rule(
+            rule(Role::DepthVariance, &[Layer("zfiltered_mse")]),
+            variance(
                 Role::DepthVariance,
-                &[Layer("zfiltered_mse"), Layer("zfiltered_var")],
+                Meaning::OfSample,
+                &[Layer("zfiltered_var")],
             ),
             rule(Role::Samples, &[Layer("sampleCount")]),
         ],
@@ -323,6 +344,8 @@ const PRESETS: &[Preset] = &[
     Preset {
         name: "arnold",
         signs: &[Sign::Attribute("arnold/")],
+        shown: None,
+        zero_is_unknown: false,
         rules: &[
             rule(Role::Colour, &[Layer(""), Layer("RGBA"), Layer("beauty")]),
             rule(
@@ -341,16 +364,27 @@ const PRESETS: &[Preset] = &[
     Preset {
         name: "vray",
         signs: &[Sign::Attribute("vray")],
+        shown: None,
+        zero_is_unknown: false,
         rules: &[
             rule(Role::Colour, &[Layer(""), Layer("RGB_color")]),
             rule(Role::Albedo, &[Layer("diffuse"), Layer("diffuseFilter")]),
-            rule(Role::Normal, &[Layer("bump_normals"), Layer("normals")]),
+            rule(
+                Role::Normal,
+                &[
+                    Layer("bump_normals"),
+                    Layer("BumpNormals"),
+                    Layer("normals"),
+                ],
+            ),
             rule(Role::Depth, &[Layer("Z"), Layer("zDepth")]),
         ],
     },
     Preset {
         name: "tungsten",
         signs: &[],
+        shown: None,
+        zero_is_unknown: false,
         rules: &[
             rule(Role::Colour, &[Layer("")]),
             rule(Role::Albedo, &[Layer("albedo")]),
@@ -365,6 +399,8 @@ const PRESETS: &[Preset] = &[
 pub(crate) const COMMON: Preset = Preset {
     name: "common names",
     signs: &[],
+    shown: None,
+    zero_is_unknown: false,
     rules: &[
         rule(
             Role::Colour,
@@ -416,23 +452,15 @@ pub(crate) const COMMON: Preset = Preset {
         variance(Role::Variance, Meaning::OfSample, &[Layer("Variance")]),
         rule(
             Role::AlbedoVariance,
-            &[
-                Layer("albedoVariance"),
-                Layer("albedo_mse"),
-                Layer("albedo_var"),
-            ],
+            &[Layer("albedoVariance"), Layer("albedo_mse")],
         ),
         rule(
             Role::NormalVariance,
-            &[Layer("NVariance"), Layer("normal_mse"), Layer("normal_var")],
+            &[Layer("NVariance"), Layer("normal_mse")],
         ),
         rule(
             Role::DepthVariance,
-            &[
-                Layer("ZVariance"),
-                Layer("zfiltered_mse"),
-                Layer("zfiltered_var"),
-            ],
+            &[Layer("ZVariance"), Layer("zfiltered_mse")],
         ),
         rule(Role::HalfA, &[Layer("halfA")]),
         rule(Role::HalfB, &[Layer("halfB")]),

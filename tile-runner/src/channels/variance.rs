@@ -137,9 +137,9 @@ pub(crate) fn to_variance_of_mean(
     }
 }
 
-/// Rounding may have left a small negative number; a NaN stays one (`f32::max` would make it a trusted 0).
+/// A number below 0 is no variance: nothing is known. A NaN stays one.
 fn not_negative(value: f32) -> f32 {
-    if value < 0.0 { 0.0 } else { value }
+    if value < 0.0 { f32::NAN } else { value }
 }
 
 /// (E[x^2] - E[x]^2) n / (n - 1) is the unbiased variance of a sample; over n, that of the mean.
@@ -209,7 +209,12 @@ mod tests {
             &[4.0, 4.0, 0.0, 1.0],
         );
         // One sample says nothing of its noise, whatever number stands there.
-        assert_eq!(row, [2.0, 0.0, f32::INFINITY, f32::INFINITY]);
+        assert_eq!(
+            (row[0], row[2], row[3]),
+            (2.0, f32::INFINITY, f32::INFINITY)
+        );
+        // A negative one is none.
+        assert!(row[1].is_nan());
     }
 
     #[test]

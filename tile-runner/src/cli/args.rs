@@ -115,7 +115,7 @@ pub(crate) struct InputArguments {
     /// Whose channel names to expect
     #[arg(long, value_parser = PRESET_NAMES, default_value = "auto")]
     pub(crate) preset: String,
-    /// Give a role to a layer or channel; wins over the preset; 'none' leaves the role empty. Roles: colour, albedo, normal,
+    /// Give a role to a layer or channel; wins over the preset; 'none' leaves the role empty. Roles: colour, alpha, albedo, normal,
     /// depth, variance, sample-variance, second-moment, albedo-variance, normal-variance, depth-variance, half-a, half-b,
     /// samples
     #[arg(long, value_name = "ROLE=CHANNEL", value_parser = Mapping::parse)]
@@ -126,9 +126,23 @@ pub(crate) struct InputArguments {
     /// The image from the other half of the samples: the two are averaged, their difference gives the variance
     #[arg(long, value_name = "SECOND.exr")]
     pub(crate) other_half: Option<PathBuf>,
-    /// More layers to denoise, with the models of the colour, so that they still sum up: 'diffuse,light_*'
+    /// More layers to denoise, with the models of the colour, so that they still sum up: 'diffuse,light_*'. Without a wildcard also channels that are no light:
+    /// a depth, a mask. The alpha is denoised in any case (--map alpha=none keeps it)
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) layers: Vec<String>,
+    /// Whether windows wrap around the left and right ends of the picture, as in a panorama
+    #[arg(long, value_enum, default_value_t = WrapName::Auto)]
+    pub(crate) wrap: WrapName,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum WrapName {
+    /// If the header says so (envmap), or if the picture is twice as wide as high and its ends meet
+    Auto,
+    /// They do
+    X,
+    /// They do not
+    None,
 }
 
 #[derive(Debug, Args)]

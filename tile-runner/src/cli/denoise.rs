@@ -12,13 +12,13 @@ use std::time::Instant;
 
 use linpred::channels::{Preset, RoleRequest};
 use linpred::image::ExtraLayers;
-use linpred::job::{self, Input, InputRequest, JobOptions};
+use linpred::job::{self, Input, InputRequest, JobOptions, Wrap};
 use linpred::{Error, Options};
 use linpred_core::{Params, Quality};
 
 use super::args::{
     DenoiseArguments, FormulasName, InputArguments, LogArguments, LogFormat, ProgressStyle,
-    QualityName,
+    QualityName, WrapName,
 };
 use super::errors;
 use super::frames;
@@ -65,31 +65,50 @@ impl Run {
             return Ok(());
         }
         let started = Instant::now();
-        let input = Input::open(request)?;
+        let pictures = Input::open_all(request)?;
         if self.dry_run {
-            return dry_run(&input, &self.options);
+            return dry_run(&pictures, &self.options);
         }
-        self.announce(&input)?;
+        self.announce(&pictures)?;
         let label = request.path.display().to_string();
-        let mut progress = Progress::new(self.progress, input.height(), label);
+        let mut progress = Progress::new(self.progress, pictures[0].height(), label);
         let mut told = |rows| progress.set(rows);
-        let result = job::denoise(&input, output, &self.options, &self.stop, &mut told);
+        let result = job::denoise(&pictures, output, &self.options, &self.stop, &mut told);
         progress.end();
-        report(&result?, started.elapsed(), self.log_format, output);
+        report(
+            &result?,
+            &pictures,
+            started.elapsed(),
+            self.log_format,
+            output,
+        );
         Ok(())
     }
 
     /// Says what a user should know before the job begins.
-    fn announce(&self, input: &Input) -> Result<(), Error> {
-        for assignment in &input.roles.assignments {
-            tracing::debug!("{}: {}", assignment.role.name(), assignment.rule);
+    fn announce(&self, pictures: &[Input]) -> Result<(), Error> {
+        let new = |note: &String| self.said.borrow_mut().insert(note.clone());
+        for input in pictures {
+            for assignment in &input.roles.assignments {
+                tracing::debug!("{}: {}", assignment.role.name(), assignment.rule);
+            }
+            let label = match input.roles.label() {
+                label if label.is_empty() => label,
+                label => format!("{label}: "),
+            };
+            let labelled = |notes: &[String]| -> Vec<String> {
+                let notes = notes.iter().map(|note| format!("{label}{note}"));
+                notes.filter(new).collect()
+            };
+            for note in labelled(&input.roles.notes) {
+                tracing::info!("{note}");
+            }
+            for warning in labelled(&input.roles.warnings) {
+                tracing::warn!("{warning}");
+            }
         }
-        let new = |note: &&String| self.said.borrow_mut().insert((*note).clone());
-        for note in input.roles.notes.iter().filter(new) {
-            tracing::info!("{note}");
-        }
-        let notes = input.notes_on_output(self.options.extra)?;
-        for note in notes.iter().filter(new) {
+        let notes = job::notes_on_output(pictures, self.options.extra)?;
+        for note in notes.iter().filter(|note| new(note)) {
             tracing::warn!("{note}");
         }
         Ok(())
@@ -155,22 +174,27 @@ pub(crate) fn all_threads() -> NonZeroUsize {
 
 /// What the input arguments ask for.
 pub(crate) fn request(arguments: InputArguments) -> InputRequest {
-    InputRequest {
-        path: arguments.noisy,
-        other_half: arguments.other_half,
-        roles: RoleRequest {
-            preset: Preset::named(&arguments.preset),
-            map: arguments.map,
-            spp: arguments.spp.map(|spp| spp.get()),
-            other_half: None,
-        },
-        layers: arguments.layers,
-    }
+    let roles = RoleRequest {
+        preset: Preset::named(&arguments.preset),
+        map: arguments.map,
+        spp: arguments.spp.map(|spp| spp.get()),
+        other_half: None,
+    };
+    let wrap = match arguments.wrap {
+        WrapName::Auto => Wrap::Auto,
+        WrapName::X => Wrap::X,
+        WrapName::None => Wrap::Never,
+    };
+    InputRequest::new(arguments.noisy)
+        .with_other_half(arguments.other_half)
+        .with_roles(roles)
+        .with_layers(arguments.layers)
+        .with_wrap(wrap)
 }
 
-fn dry_run(input: &Input, options: &JobOptions) -> Result<(), Error> {
-    let (schedule, plan) = job::plan(input, options)?;
-    let inspection = job::describe(input);
+fn dry_run(pictures: &[Input], options: &JobOptions) -> Result<(), Error> {
+    let (schedule, plan) = job::plan(pictures, options)?;
+    let inspection = job::describe(pictures);
     let threads = schedule.threads;
     let rows = schedule.rows_in_flight;
     // nobody is left to be told when standard output is closed

@@ -3,54 +3,107 @@
 use std::path::Path;
 use std::time::Duration;
 
-use linpred::job::Summary;
+use linpred::Report;
+use linpred::job::{Input, Summary};
 
 use super::args::LogFormat;
 
-/// Logs what became of an image that took so long.
-pub(crate) fn report(summary: &Summary, took: Duration, format: LogFormat, output: &Path) {
-    warn_of_losses(summary);
+/// Logs what became of the pictures of a file, which took so long.
+pub(crate) fn report(
+    summary: &Summary,
+    pictures: &[Input],
+    took: Duration,
+    format: LogFormat,
+    output: &Path,
+) {
+    let total = total(&summary.reports);
+    warn(summary, pictures, &total);
     let seconds = took.as_secs_f64();
     match format {
-        LogFormat::Json => log_fields(summary, seconds, output),
+        LogFormat::Json => log_fields(summary, &total, pictures, seconds, output),
         LogFormat::Text => {
-            log_sentence(summary, seconds, output);
-            log_skipped(summary);
+            log_sentence(summary, &total, pictures, seconds, output);
+            log_skipped(&total);
         }
     }
 }
 
+/// All pictures together.
+fn total(reports: &[Report]) -> Report {
+    let mut total = Report::default();
+    for report in reports {
+        total.add(report);
+    }
+    total
+}
+
+/// The layers that were written, for people.
+fn written(pictures: &[Input]) -> String {
+    let layers = pictures.iter().map(|picture| {
+        let name = picture.names.name(picture.roles.target[0]);
+        let layer = name.rsplit_once('.').map(|(layer, _)| layer.to_owned());
+        let label = picture.roles.label();
+        match (layer, label.is_empty() || !picture.roles.prefix.is_empty()) {
+            (Some(layer), true) => layer,
+            (Some(layer), false) => format!("{layer} ({label})"),
+            (None, true) => "the colour".to_owned(),
+            (None, false) => label,
+        }
+    });
+    layers.collect::<Vec<_>>().join(", ")
+}
+
 /// Warns where the output is less than it could be.
-fn warn_of_losses(summary: &Summary) {
+fn warn(summary: &Summary, pictures: &[Input], total: &Report) {
+    let counts = &total.counts;
     if summary.clamped > 0 {
         tracing::warn!(
             "{} samples are too large for half precision and were set to 65504; a float channel would hold them",
             summary.clamped
         );
     }
-    if summary.layers_off > 0 {
+    // layers that are not parts of the colour do not sum to it anywhere
+    if summary.layers_off > 0 && summary.layers_off < counts.pixels / 2 {
+        let names = pictures.iter().flat_map(|picture| &picture.layers);
+        let names: Vec<&str> = names.map(|layer| layer.name.as_str()).collect();
         tracing::warn!(
-            "the layers do not sum to the colour at {} of {} pixels, in the input already",
+            "the layers {} do not sum to the colour at {} of {} pixels, in the input already",
+            names.join(" "),
             summary.layers_off,
-            summary.report.counts.pixels
+            counts.pixels
+        );
+    }
+    if counts.estimated > 0 {
+        tracing::warn!(
+            "{} of {} pixels ({:.1} %) have no variance that is known: it was estimated from the picture",
+            counts.estimated,
+            counts.pixels,
+            percent(counts.estimated, counts.pixels)
+        );
+    }
+    if counts.pixels > 0 && counts.passed_through == counts.pixels {
+        tracing::warn!(
+            "no pixel was changed: by the variances in the file none has any noise; --map variance=none estimates it from the picture"
         );
     }
 }
 
-fn log_fields(summary: &Summary, seconds: f64, output: &Path) {
-    let done = &summary.report.counts;
+fn log_fields(summary: &Summary, total: &Report, pictures: &[Input], seconds: f64, output: &Path) {
+    let done = &total.counts;
     tracing::info!(
         output = %output.display(),
+        layers = written(pictures),
         pixels = done.pixels,
-        models = summary.report.models,
+        models = total.models,
         passed_through = done.passed_through,
         repaired = done.repaired,
         fireflies = done.fireflies,
+        estimated = done.estimated,
         cells = done.cells,
         cells_skipped = done.cells_skipped,
         feature_blocks = done.feature_blocks,
         feature_blocks_skipped = done.feature_blocks_skipped,
-        saved_thread_seconds = summary.report.saved().map(|time| time.as_secs_f64()),
+        saved_thread_seconds = total.saved().map(|time| time.as_secs_f64()),
         clamped = summary.clamped,
         peak_bytes = summary.peak_memory,
         seconds,
@@ -58,16 +111,23 @@ fn log_fields(summary: &Summary, seconds: f64, output: &Path) {
     );
 }
 
-fn log_sentence(summary: &Summary, seconds: f64, output: &Path) {
-    let done = &summary.report.counts;
+fn log_sentence(
+    summary: &Summary,
+    total: &Report,
+    pictures: &[Input],
+    seconds: f64,
+    output: &Path,
+) {
+    let done = &total.counts;
     let peak = summary
         .peak_memory
         .map(|bytes| format!(", {} MiB", bytes >> 20));
     tracing::info!(
-        "{}: {} pixels, models for {:.1} %, {:.1} % passed through, {} not finite and {} fireflies repaired, {seconds:.2} s{}",
+        "{}: {} denoised, {} pixels, models for {:.1} %, {:.1} % passed through, {} not finite and {} fireflies repaired, {seconds:.2} s{}",
         output.display(),
+        written(pictures),
         done.pixels,
-        percent(summary.report.models, done.pixels),
+        percent(total.models, done.pixels),
         percent(done.passed_through, done.pixels),
         done.repaired,
         done.fireflies,
@@ -75,12 +135,12 @@ fn log_sentence(summary: &Summary, seconds: f64, output: &Path) {
     );
 }
 
-fn log_skipped(summary: &Summary) {
-    let done = &summary.report.counts;
+fn log_skipped(total: &Report) {
+    let done = &total.counts;
     if done.cells_skipped + done.feature_blocks_skipped == 0 {
         return;
     }
-    let saved = summary.report.saved().map(|time| {
+    let saved = total.saved().map(|time| {
         let seconds = time.as_secs_f64();
         format!("; at the mean time of the other cells that saved {seconds:.2} s of one thread")
     });

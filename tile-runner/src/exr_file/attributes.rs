@@ -15,6 +15,15 @@ pub const FLAG_LONG_NAMES: u32 = 1 << 10;
 /// Version field flag: more than one part.
 pub const FLAG_MULTI_PART: u32 = 1 << 12;
 
+/// Attribute of an output: the version of linpred that wrote it.
+pub const VERSION_ATTRIBUTE: &str = "linpredVersion";
+/// Attribute of an output: what it was made with.
+pub const OPTIONS_ATTRIBUTE: &str = "linpredOptions";
+/// Attribute of an output: which input it was made of, a checksum of the input's header and of some of its chunks.
+pub const INPUT_ATTRIBUTE: &str = "linpredInput";
+/// Attribute of an output: its channels, with ", " between, that tell of the noise of the input, and not of the output's.
+pub const NOISE_ATTRIBUTE: &str = "linpredNoiseOfInput";
+
 /// Longest attribute, type or channel name that the format allows.
 const NAME_LIMIT: usize = 255;
 
@@ -56,6 +65,18 @@ impl Attributes {
     /// The value of a `string` attribute, if it is UTF-8.
     pub fn string(&self, name: &str) -> Option<&str> {
         std::str::from_utf8(self.value(name, "string")?).ok()
+    }
+
+    /// The values of a `stringvector` attribute, as far as they are UTF-8.
+    pub fn strings(&self, name: &str) -> impl Iterator<Item = &str> {
+        let mut rest = self.value(name, "stringvector").unwrap_or_default();
+        std::iter::from_fn(move || {
+            let (length, after) = rest.split_first_chunk::<4>()?;
+            let length = usize::try_from(i32::from_le_bytes(*length)).ok()?;
+            let (text, after) = after.split_at_checked(length)?;
+            rest = after;
+            std::str::from_utf8(text).ok()
+        })
     }
 
     /// Replaces the value of an attribute in place, or appends the attribute.

@@ -19,6 +19,8 @@ pub(crate) struct PartInProgress {
     kept: Kept,
     /// The input's row that is the output's first.
     first_row: usize,
+    /// The pictures that fill some of its channels, and how many rows of each have come.
+    pictures: Vec<(usize, usize)>,
     /// Samples of each channel that is not kept, row by row; empty for those that are.
     denoised: Vec<Vec<u8>>,
     input: Arc<ExrFile>,
@@ -67,10 +69,19 @@ impl PartInProgress {
             Kept::Rows(Box::new(rows))
         };
         let denoised = vec![Vec::new(); part.fills.len()];
+        let mut pictures: Vec<(usize, usize)> = Vec::new();
+        for fill in &part.fills {
+            if let Fill::Denoised(picture, _) = *fill
+                && !pictures.iter().any(|(known, _)| *known == picture)
+            {
+                pictures.push((picture, 0));
+            }
+        }
         Ok(Self {
             part,
             kept,
             first_row,
+            pictures,
             denoised,
             input: input.clone(),
             codec: codec.clone(),
@@ -84,8 +95,11 @@ impl PartInProgress {
         self.part.index
     }
 
-    /// Keeps the samples of a row; returns how many were clamped.
-    pub(crate) fn take_row(&mut self, y: usize, row: &OutputRow) -> u64 {
+    /// Keeps the samples of row `y` of a picture; returns how many were clamped. The rows of several pictures come in turns.
+    pub(crate) fn take_row(&mut self, picture: usize, y: usize, row: &OutputRow) -> u64 {
+        let own = self.pictures.iter_mut().find(|(own, _)| *own == picture);
+        let Some((_, rows)) = own else { return 0 };
+        *rows = y + 1;
         let grid = self.part.grid;
         let bounds = grid.bounds(0, grid.chunk_row(y));
         let line = y - bounds.position.1 as usize;
@@ -94,12 +108,8 @@ impl PartInProgress {
         for ((channel, fill), denoised) in list.iter().zip(&self.part.fills).zip(&mut self.denoised)
         {
             let plane = match *fill {
-                Fill::Input(_) => continue,
-                Fill::Colour(k) => &row.colour[k],
-                Fill::Layer(n, k) => &row.layers[n][k],
-                Fill::Error => &row.error,
-                Fill::Radius => &row.radius,
-                Fill::Rank => &row.rank,
+                Fill::Denoised(own, plane) if own == picture => plane.of(row),
+                _ => continue,
             };
             let bytes = plane.len() * channel.sample_type.bytes_per_sample();
             denoised.resize(bounds.size.1 * bytes, 0);
@@ -109,16 +119,19 @@ impl PartInProgress {
         clamped
     }
 
-    /// Writes a row of chunks once `y`, its last row, is there.
+    /// Writes a row of chunks once row `y` of `picture`, its last row, is there of every picture.
     pub(crate) fn write_full_chunks(
         &mut self,
+        picture: usize,
         y: usize,
         writer: &mut ExrWriter,
     ) -> Result<(), Error> {
         let grid = self.part.grid;
         let chunk_row = grid.chunk_row(y);
         let first = grid.bounds(0, chunk_row);
-        if y + 1 < first.position.1 as usize + first.size.1 {
+        let end = first.position.1 as usize + first.size.1;
+        let is_own = self.pictures.iter().any(|(own, _)| *own == picture);
+        if !is_own || self.pictures.iter().any(|(_, rows)| *rows < end) {
             return Ok(());
         }
         for column in 0..grid.columns() {

@@ -12,6 +12,7 @@ use crate::exr_file::attributes::{Attributes, FLAG_LONG_NAMES};
 use crate::exr_file::grid::ChunkGrid;
 use crate::exr_file::writer::OutputPart;
 use crate::exr_file::{ExrFile, Part};
+use crate::row::OutputRow;
 
 /// Channel with the estimated mean squared error of each pixel, radiance squared.
 pub const ERROR_CHANNEL: &str = "linpred.error";
@@ -29,21 +30,101 @@ pub struct ExtraLayers {
     pub models: bool,
 }
 
-/// What fills a channel of a part that is written anew.
+impl ExtraLayers {
+    /// The channels of picture `n`, with what stands before their names.
+    fn channels(self, n: usize, prefix: &str) -> impl Iterator<Item = (String, Fill)> + use<> {
+        let error = self.error.then_some((ERROR_CHANNEL, DenoisedPlane::Error));
+        let radius = self
+            .models
+            .then_some((RADIUS_CHANNEL, DenoisedPlane::Radius));
+        let rank = self.models.then_some((RANK_CHANNEL, DenoisedPlane::Rank));
+        let prefix = prefix.to_owned();
+        let channels = [error, radius, rank].into_iter().flatten();
+        channels.map(move |(name, plane)| (format!("{prefix}{name}"), Fill::Denoised(n, plane)))
+    }
+}
+
+/// Where the denoised channels of a picture go.
+#[derive(Clone, Debug)]
+pub struct Targets {
+    /// The colour.
+    pub colour: [ChannelRef; 3],
+    /// The alpha.
+    pub alpha: Option<ChannelRef>,
+    /// Each layer that is light.
+    pub layers: Vec<[ChannelRef; 3]>,
+    /// Each channel of layers that are no light.
+    pub scalars: Vec<ChannelRef>,
+    /// What stands before the names of the added channels: nothing, but in a file of several pictures.
+    pub prefix: String,
+}
+
+impl Targets {
+    /// What goes into a channel.
+    fn plane(&self, at: ChannelRef) -> Option<DenoisedPlane> {
+        if let Some(k) = self.colour.iter().position(|&c| c == at) {
+            return Some(DenoisedPlane::Colour(k));
+        }
+        if self.alpha == Some(at) {
+            return Some(DenoisedPlane::Alpha);
+        }
+        let layers = self.layers.iter().enumerate();
+        let mut layers =
+            layers.filter_map(|(n, layer)| Some((n, layer.iter().position(|&c| c == at)?)));
+        if let Some((n, k)) = layers.next() {
+            return Some(DenoisedPlane::Layer(n, k));
+        }
+        let scalar = self.scalars.iter().position(|&c| c == at);
+        scalar.map(DenoisedPlane::Scalar)
+    }
+}
+
+/// A plane of a row of output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Fill {
-    /// The input's channel at this position, bit for bit.
-    Input(usize),
+pub enum DenoisedPlane {
     /// A component of the denoised colour.
     Colour(usize),
+    /// The denoised alpha.
+    Alpha,
     /// A component of a denoised layer.
     Layer(usize, usize),
+    /// A denoised channel that is no light.
+    Scalar(usize),
     /// The estimated error.
     Error,
     /// The models' mean radius.
     Radius,
     /// The models' mean rank.
     Rank,
+}
+
+impl DenoisedPlane {
+    /// The plane of a row.
+    pub(crate) fn of(self, row: &OutputRow) -> &[f32] {
+        match self {
+            Self::Colour(k) => &row.colour[k],
+            Self::Alpha => &row.alpha,
+            Self::Layer(n, k) => &row.layers[n][k],
+            Self::Scalar(n) => &row.scalars[n],
+            Self::Error => &row.error,
+            Self::Radius => &row.radius,
+            Self::Rank => &row.rank,
+        }
+    }
+
+    /// Whether it is a channel that the input lacks.
+    fn is_added(self) -> bool {
+        matches!(self, Self::Error | Self::Radius | Self::Rank)
+    }
+}
+
+/// What fills a channel of a part that is written anew.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fill {
+    /// The input's channel at this position, bit for bit.
+    Input(usize),
+    /// A plane of a picture of the input.
+    Denoised(usize, DenoisedPlane),
 }
 
 /// A part that is written anew.
@@ -86,12 +167,13 @@ pub struct Rewrite {
 }
 
 impl Rewrite {
-    /// The output of denoising `colour` and `layers` of `input`. [`Error::Unsupported`] if one of them holds integers.
+    /// The output of denoising the pictures of `input` that go to `pictures`, with string attributes `marks` in each part that is written anew.
+    /// [`Error::Unsupported`] if something that is to be denoised holds integers.
     pub fn new(
         input: &ExrFile,
-        colour: &[ChannelRef; 3],
-        layers: &[[ChannelRef; 3]],
+        pictures: &[Targets],
         extra: ExtraLayers,
+        marks: &[(&str, String)],
     ) -> Result<Self, Error> {
         let mut output = Self {
             version: input.version(),
@@ -101,7 +183,7 @@ impl Rewrite {
             notes: Vec::new(),
         };
         for part in input.parts() {
-            let fill = |channel| fill_of(part.index, channel, colour, layers);
+            let fill = |channel| fill_of(part.index, channel, pictures);
             let count = part.header.channels.list.len();
             let fills: Vec<Fill> = (0..count).map(fill).collect();
             if fills.iter().all(|fill| matches!(fill, Fill::Input(_))) {
@@ -109,21 +191,32 @@ impl Rewrite {
                 continue;
             }
             check_types(input, part, &fills)?;
-            let extra = if part.index == colour[0].part {
-                extra
-            } else {
-                ExtraLayers::default()
-            };
-            output.rewrite(input, part, fills, extra);
+            let mut added = Vec::new();
+            for (n, picture) in pictures.iter().enumerate() {
+                if picture.colour[0].part == part.index {
+                    added.extend(extra.channels(n, &picture.prefix));
+                }
+            }
+            output.rewrite(input, part, fills, added, marks);
         }
         Ok(output)
     }
 
-    fn rewrite(&mut self, input: &ExrFile, part: &Part, fills: Vec<Fill>, extra: ExtraLayers) {
+    fn rewrite(
+        &mut self,
+        input: &ExrFile,
+        part: &Part,
+        fills: Vec<Fill>,
+        added: Vec<(String, Fill)>,
+        marks: &[(&str, String)],
+    ) {
         let place = format!("{}: {}", input.path().display(), part.label());
         let mut header = part.header.clone();
         let mut attributes = part.attributes.clone();
-        let fills = add_channels(&mut header, &mut attributes, fills, extra);
+        for (name, value) in marks {
+            attributes.set(name, "string", value.clone().into_bytes());
+        }
+        let fills = add_channels(&mut header, &mut attributes, fills, added);
         self.choose_compression(&place, &mut header, &mut attributes, &fills);
         if header.line_order == LineOrder::Decreasing {
             self.notes.push(format!(
@@ -182,7 +275,7 @@ impl Rewrite {
         ));
         let added = fills
             .iter()
-            .any(|fill| matches!(fill, Fill::Error | Fill::Radius | Fill::Rank));
+            .any(|fill| matches!(fill, Fill::Denoised(_, plane) if plane.is_added()));
         let dwa = matches!(
             header.compression,
             Compression::DWAA(_) | Compression::DWAB(_)
@@ -245,25 +338,16 @@ fn copied(part: &Part) -> OutputPart {
     }
 }
 
-fn fill_of(
-    part: usize,
-    channel: usize,
-    colour: &[ChannelRef; 3],
-    layers: &[[ChannelRef; 3]],
-) -> Fill {
+fn fill_of(part: usize, channel: usize, pictures: &[Targets]) -> Fill {
     let at = ChannelRef {
         file: 0,
         part,
         channel,
     };
-    if let Some(k) = colour.iter().position(|&c| c == at) {
-        return Fill::Colour(k);
-    }
-    let layer = layers
-        .iter()
-        .enumerate()
-        .find_map(|(n, layer)| Some((n, layer.iter().position(|&c| c == at)?)));
-    layer.map_or(Fill::Input(channel), |(n, k)| Fill::Layer(n, k))
+    let pictures = pictures.iter().enumerate();
+    let mut planes = pictures.filter_map(|(n, picture)| Some((n, picture.plane(at)?)));
+    let plane = planes.next();
+    plane.map_or(Fill::Input(channel), |(n, plane)| Fill::Denoised(n, plane))
 }
 
 fn check_types(input: &ExrFile, part: &Part, fills: &[Fill]) -> Result<(), Error> {
@@ -280,30 +364,28 @@ fn check_types(input: &ExrFile, part: &Part, fills: &[Fill]) -> Result<(), Error
     }
 }
 
-/// Adds the extra channels, replacing those of the same name from an earlier run, and keeps the list sorted.
+/// Adds channels, replacing those of the same name from an earlier run, and keeps the list sorted.
 fn add_channels(
     header: &mut Header,
     attributes: &mut Attributes,
     fills: Vec<Fill>,
-    extra: ExtraLayers,
+    added: Vec<(String, Fill)>,
 ) -> Vec<Fill> {
-    let mut added = Vec::new();
-    if extra.error {
-        added.push((ERROR_CHANNEL, Fill::Error));
-    }
-    if extra.models {
-        added.extend([(RADIUS_CHANNEL, Fill::Radius), (RANK_CHANNEL, Fill::Rank)]);
-    }
     if added.is_empty() {
         return fills;
     }
     let old = header.channels.list.iter().cloned().zip(fills);
     let mut list: Vec<(ChannelDescription, Fill)> = old
-        .filter(|(channel, _)| added.iter().all(|(name, _)| !channel.name.eq(name)))
+        .filter(|(channel, _)| {
+            added
+                .iter()
+                .all(|(name, _)| !channel.name.eq(name.as_str()))
+        })
         .collect();
-    list.extend(added.iter().map(|&(name, fill)| {
-        let text = Text::new_or_panic(name);
-        (ChannelDescription::new(text, SampleType::F32, true), fill)
+    list.extend(added.iter().filter_map(|(name, fill)| {
+        // names are those of the input's layers, which were text, before ours
+        let text = Text::new_or_none(name)?;
+        Some((ChannelDescription::new(text, SampleType::F32, true), *fill))
     }));
     list.sort_by(|(a, _), (b, _)| a.name.bytes().cmp(b.name.bytes()));
     let (channels, fills): (Vec<_>, Vec<_>) = list.into_iter().unzip();

@@ -98,12 +98,25 @@ impl ExrSink {
     }
 }
 
-impl RowSink for ExrSink {
-    fn write_row(&mut self, y: usize, row: &OutputRow) -> Result<(), Error> {
+impl ExrSink {
+    /// Takes row `y` of a picture; rows of several pictures in turns, so that none is ahead of another.
+    pub fn write_picture_row(
+        &mut self,
+        picture: usize,
+        y: usize,
+        row: &OutputRow,
+    ) -> Result<(), Error> {
         for part in &mut self.parts {
-            self.clamped += part.take_row(y, row);
-            part.write_full_chunks(y, &mut self.writer)?;
+            self.clamped += part.take_row(picture, y, row);
+            part.write_full_chunks(picture, y, &mut self.writer)?;
         }
         Ok(())
+    }
+}
+
+/// Of a file with one picture.
+impl RowSink for ExrSink {
+    fn write_row(&mut self, y: usize, row: &OutputRow) -> Result<(), Error> {
+        self.write_picture_row(0, y, row)
     }
 }

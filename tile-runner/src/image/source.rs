@@ -11,9 +11,11 @@ use crate::channels::variance::{Count, Variance, to_variance_of_mean, variance_f
 use crate::error::Error;
 use crate::exr_file::{ExrFile, PartRows};
 use crate::geometry::ImageSize;
+use crate::image::area::Area;
+use exr::meta::attribute::IntegerBounds;
 use linpred_core::{FEATURES, Feature};
 
-use crate::row::{InputRow, RowLayout, RowSource, VarianceKind};
+use crate::row::{InputRow, RowLayout, RowSource, VarianceKind, sums_up};
 
 /// Channels, and where their variance comes from.
 #[derive(Clone, Debug)]
@@ -36,13 +38,18 @@ pub struct ExrSource {
     planes: Planes,
     layout: RowLayout,
     colour: Channels,
+    /// Whether a variance of 0 says that nothing is known.
+    zero_is_unknown: bool,
     features: Vec<(Feature, Channels)>,
     layers: Vec<Channels>,
+    alpha: Option<Channels>,
+    /// Of each layer that is no light.
+    scalars: Vec<Channels>,
     layers_off: u64,
 }
 
 impl ExrSource {
-    /// A source for `roles`, with `layers` to be denoised beside the colour. `files` are those that the roles refer to.
+    /// A source for `area` of the picture that `roles` are of, with `layers` to be denoised beside the colour. `files` are those that the roles refer to.
     ///
     /// [`Error::Unsupported`] if a part in use cannot be decoded, [`Error::Budget`] if a row of its chunks takes more than
     /// `limit` bytes.
@@ -50,38 +57,47 @@ impl ExrSource {
         files: &[Arc<ExrFile>],
         roles: &Roles,
         layers: &[Layer],
+        area: Area,
         limit: u64,
     ) -> Result<Self, Error> {
         let at = roles.colour[0];
         let part = &files[at.file].parts()[at.part];
-        let size = part.size().ok_or_else(|| {
-            let path = files[at.file].path().display();
-            Error::Invalid(format!(
-                "{path}: {}: the data window is empty",
-                part.label()
-            ))
-        })?;
         // rows to work in, and those that a caller makes to be filled
-        let row_bytes = (size.width() as u64).saturating_mul(4 * 2 * (6 + 2 * FEATURES as u64));
+        let row_bytes =
+            (area.size.width() as u64).saturating_mul(4 * 2 * (6 + 2 * FEATURES as u64));
         if row_bytes > limit {
             let path = files[at.file].path().display();
             return Err(Error::Budget(format!(
                 "{path}: {}: one row of {} pixels takes {} MiB, the limit is {} MiB",
                 part.label(),
-                size.width(),
+                area.size.width(),
                 row_bytes >> 20,
                 limit >> 20
             )));
         }
+        let alpha = roles.alpha.map(|at| {
+            let means = vec![at];
+            let variance = other_half(roles, at, files);
+            Channels { means, variance }
+        });
+        let channels = |layer: &Layer| Channels {
+            means: layer.channels.clone(),
+            variance: layer.variance.clone(),
+        };
+        let (light, plain): (Vec<&Layer>, Vec<&Layer>) = layers.iter().partition(|l| l.is_light);
+        let corner = part.data_window().position;
         let mut source = Self {
-            planes: Planes::new(size),
-            layout: layout(roles, size, layers.len()),
+            planes: Planes::new(area, [corner.0, corner.1]),
+            layout: layout(roles, area.size, layers),
             colour: Channels {
                 means: roles.colour.to_vec(),
                 variance: roles.variance.clone(),
             },
+            zero_is_unknown: roles.zero_is_unknown,
             features: roles.features.iter().map(feature_channels).collect(),
-            layers: layers.iter().map(layer_channels).collect(),
+            layers: light.into_iter().map(channels).collect(),
+            alpha,
+            scalars: plain.into_iter().map(channels).collect(),
             layers_off: 0,
         };
         for at in source.channels() {
@@ -99,7 +115,8 @@ impl ExrSource {
     fn channels(&self) -> Vec<ChannelRef> {
         let features = self.features.iter().map(|(_, channels)| channels);
         let all = std::iter::once(&self.colour).chain(features);
-        all.chain(&self.layers).flat_map(Channels::all).collect()
+        let all = all.chain(&self.layers).chain(&self.alpha);
+        all.chain(&self.scalars).flat_map(Channels::all).collect()
     }
 }
 
@@ -111,11 +128,21 @@ fn feature_channels(found: &FeatureChannels) -> (Feature, Channels) {
     (found.feature, channels)
 }
 
-fn layer_channels(layer: &Layer) -> Channels {
-    Channels {
-        means: layer.channels.to_vec(),
-        variance: layer.variance.clone(),
-    }
+/// The channel of the other half of the samples that `at` is averaged with, if the colour's are.
+fn other_half(roles: &Roles, at: ChannelRef, files: &[Arc<ExrFile>]) -> Variance {
+    let Variance::OtherFile(twins) = &roles.variance else {
+        return Variance::None;
+    };
+    let name = |at: ChannelRef| files[at.file].parts()[at.part].channel_name(at.channel);
+    let part = &files[twins[0].file].parts()[twins[0].part];
+    let channel = part.channel(&name(at));
+    channel.map_or(Variance::None, |channel| {
+        let twin = ChannelRef {
+            channel,
+            ..twins[0]
+        };
+        Variance::OtherFile(vec![twin])
+    })
 }
 
 impl RowSource for ExrSource {
@@ -126,6 +153,9 @@ impl RowSource for ExrSource {
     fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), Error> {
         let planes = &mut self.planes;
         planes.read(&self.colour, y, &mut row.colour, Some(&mut row.variance))?;
+        if self.zero_is_unknown {
+            forget_zeros(&mut row.variance);
+        }
         for (feature, channels) in &self.features {
             let means = &mut row.features[feature.range()];
             let variances = &mut row.feature_variances[feature.range()];
@@ -134,6 +164,15 @@ impl RowSource for ExrSource {
         for (layer, out) in self.layers.iter().zip(&mut row.layers) {
             planes.read(layer, y, out, None)?;
         }
+        if let Some(alpha) = &self.alpha {
+            planes.read(alpha, y, std::slice::from_mut(&mut row.alpha), None)?;
+        }
+        let mut scalars = row.scalars.as_mut_slice();
+        for layer in &self.scalars {
+            let (own, rest) = scalars.split_at_mut(layer.means.len());
+            planes.read(layer, y, own, None)?;
+            scalars = rest;
+        }
         if !self.layers.is_empty() {
             self.layers_off += count_off(row);
         }
@@ -141,24 +180,27 @@ impl RowSource for ExrSource {
     }
 }
 
-/// Half floats have 11 bits: each of a few layers and the colour may be rounded by 2^-12 of itself.
-const SUM_TOLERANCE: f32 = 1.0 / 1024.0;
-
 /// Pixels of a row whose layers do not sum to the colour. Values that are not finite are not counted.
 fn count_off(row: &InputRow) -> u64 {
     let off = |x: usize| {
-        (0..3).any(|k| {
-            let sum: f32 = row.layers.iter().map(|layer| layer[k][x]).sum();
-            let size: f32 = row.layers.iter().map(|layer| layer[k][x].abs()).sum();
-            let colour = row.colour[k][x];
-            (sum - colour).abs() > SUM_TOLERANCE * size.max(colour.abs())
-        })
+        let layers = |k: usize| row.layers.iter().map(move |layer| layer[k][x]);
+        (0..3).any(|k| !sums_up(row.colour[k][x], layers(k)))
     };
     (0..row.colour[0].len()).filter(|&x| off(x)).count() as u64
 }
 
+/// Makes the variances of a pixel that are all 0 unknown.
+fn forget_zeros(variance: &mut [Vec<f32>; 3]) {
+    let [red, green, blue] = variance;
+    for ((red, green), blue) in red.iter_mut().zip(green).zip(blue) {
+        if (*red, *green, *blue) == (0.0, 0.0, 0.0) {
+            (*red, *green, *blue) = (f32::NAN, f32::NAN, f32::NAN);
+        }
+    }
+}
+
 /// What the rows of a source for `roles` hold.
-pub(crate) fn layout(roles: &Roles, size: ImageSize, layers: usize) -> RowLayout {
+pub(crate) fn layout(roles: &Roles, size: ImageSize, layers: &[Layer]) -> RowLayout {
     let mut features = [false; FEATURES];
     let mut feature_variances = [false; FEATURES];
     for found in &roles.features {
@@ -175,48 +217,84 @@ pub(crate) fn layout(roles: &Roles, size: ImageSize, layers: usize) -> RowLayout
         },
         features,
         feature_variances,
-        layers,
+        layers: layers.iter().filter(|layer| layer.is_light).count(),
+        alpha: roles.alpha.is_some(),
+        scalars: (layers.iter().filter(|layer| !layer.is_light))
+            .map(|layer| layer.channels.len())
+            .sum(),
     }
 }
 
 /// The parts that are open, and rows to work in.
 #[derive(Debug)]
 struct Planes {
-    parts: BTreeMap<(usize, usize), PartRows>,
+    parts: BTreeMap<(usize, usize), OpenPart>,
+    area: Area,
+    /// The top left corner of the colour's data window.
+    corner: [i32; 2],
     count: Vec<f32>,
     other: Vec<f32>,
+    /// A row of a part of another data window.
+    whole: Vec<f32>,
+}
+
+/// A part whose rows are read.
+#[derive(Debug)]
+struct OpenPart {
+    rows: PartRows,
+    window: IntegerBounds,
 }
 
 impl Planes {
-    fn new(size: ImageSize) -> Self {
+    fn new(area: Area, corner: [i32; 2]) -> Self {
         Self {
             parts: BTreeMap::new(),
-            count: vec![0.0; size.width()],
-            other: vec![0.0; size.width()],
+            area,
+            corner,
+            count: vec![0.0; area.size.width()],
+            other: vec![0.0; area.size.width()],
+            whole: Vec::new(),
         }
     }
 
     fn open(&mut self, files: &[Arc<ExrFile>], at: ChannelRef, limit: u64) -> Result<(), Error> {
         let file = &files[at.file];
-        let rows = match self.parts.entry((at.file, at.part)) {
-            Entry::Occupied(rows) => rows.into_mut(),
-            Entry::Vacant(free) => free.insert(PartRows::new(
-                file.clone(),
-                file.codec().clone(),
-                at.part,
-                limit,
-            )?),
+        let part = match self.parts.entry((at.file, at.part)) {
+            Entry::Occupied(part) => part.into_mut(),
+            Entry::Vacant(free) => free.insert(OpenPart {
+                rows: PartRows::new(file.clone(), file.codec().clone(), at.part, limit)?,
+                window: file.parts()[at.part].data_window(),
+            }),
         };
-        rows.keep(at.channel);
+        part.rows.keep(at.channel);
         Ok(())
     }
 
+    /// Reads row `y` of the area from a channel; what lies beyond the channel's data window is NaN.
     fn plane(&mut self, at: ChannelRef, y: usize, out: &mut [f32]) -> Result<(), Error> {
-        let rows = self
+        let part = self
             .parts
             .get_mut(&(at.file, at.part))
             .expect("every part in use was opened");
-        rows.read_row(at.channel, y, out)
+        let (window, [left, top]) = (part.window, self.corner);
+        // of the area's row and first column, in the part's window
+        let row = i64::from(top) + (self.area.y + y) as i64 - i64::from(window.position.1);
+        let column = i64::from(left) + self.area.x as i64 - i64::from(window.position.0);
+        let inside = usize::try_from(row).ok().filter(|row| *row < window.size.1);
+        let Some(row) = inside else {
+            out.fill(f32::NAN);
+            return Ok(());
+        };
+        if column == 0 && out.len() == window.size.0 {
+            return part.rows.read_row(at.channel, row, out);
+        }
+        self.whole.resize(window.size.0, 0.0);
+        part.rows.read_row(at.channel, row, &mut self.whole)?;
+        for (value, x) in out.iter_mut().zip(column..) {
+            let own = usize::try_from(x).ok().and_then(|x| self.whole.get(x));
+            *value = own.copied().unwrap_or(f32::NAN);
+        }
+        Ok(())
     }
 
     /// Reads row `y` of the means and, where wanted and known, of their variances.

@@ -154,10 +154,9 @@ pub struct BandSource<S> {
 impl<S: RowSource> BandSource<S> {
     /// What is needed for the rows `band` of `inner`.
     pub fn new(inner: S, band: &Range<usize>) -> Self {
-        let layout = inner.layout();
-        let margin = pipeline::reach(&layout);
-        let first = band.start.saturating_sub(margin) / CELL * CELL;
-        let last = (band.end + margin).min(layout.size.height());
+        let height = inner.layout().size.height();
+        let first = band.start.saturating_sub(pipeline::REACH) / CELL * CELL;
+        let last = (band.end + pipeline::REACH).min(height);
         Self {
             inner,
             rows: first..last,

@@ -1,23 +1,32 @@
 //! One file denoised into another.
 
-use std::ops::ControlFlow;
+use std::num::NonZeroUsize;
+use std::ops::{ControlFlow, Range};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::sync_channel;
 
 use linpred_core::Params;
 
+use crate::channels::presets::Role;
 use crate::error::Error;
+use crate::exr_file::attributes::{
+    INPUT_ATTRIBUTE, NOISE_ATTRIBUTE, OPTIONS_ATTRIBUTE, VERSION_ATTRIBUTE,
+};
 use crate::exr_file::compression::SharedCodec;
 use crate::exr_file::output::check_output;
+use crate::geometry::ImageSize;
+use crate::image::area::{Area, Placed, Unwrapped, Wrapped};
 use crate::image::rewrite::Rewrite;
 use crate::image::sink::ExrSink;
+use crate::image::source::ExrSource;
 use crate::job::band::{BandSink, BandSource};
-use crate::job::input::Input;
+use crate::job::input::{Input, rewrite};
 use crate::job::memory;
 use crate::job::options::JobOptions;
 use crate::job::plan::{self, Schedule};
-use crate::row::{RowSink, RowSource};
+use crate::row::{OutputRow, RowLayout, RowSink, RowSource};
 use crate::stream::overlap::{ReadAhead, WriteBehind};
 use crate::stream::pipeline::{self, Options};
 use crate::stream::report::Report;
@@ -25,8 +34,8 @@ use crate::stream::report::Report;
 /// What a job did.
 #[derive(Clone, Debug, Default)]
 pub struct Summary {
-    /// What the pipeline counted.
-    pub report: Report,
+    /// What each picture's run counted, in their order.
+    pub reports: Vec<Report>,
     /// Samples that half precision cannot hold, clamped to its largest value.
     pub clamped: u64,
     /// Pixels whose extra layers do not sum to the colour in the input (so they cannot in the output).
@@ -35,42 +44,57 @@ pub struct Summary {
     pub peak_memory: Option<u64>,
 }
 
-/// Denoises `input` into `output`. `progress` is told how many rows have been written; the job ends
+/// Denoises the pictures of a file, as [`Input::open_all`] gives them, into `output`. `progress` is told how many rows have been written; the job ends
 /// with [`Error::Cancelled`] soon after `stop` is set, and leaves nothing behind.
 pub fn denoise(
-    input: &Input,
+    pictures: &[Input],
     output: &Path,
     options: &JobOptions,
     stop: &Arc<AtomicBool>,
-    progress: &mut dyn FnMut(usize),
+    progress: &mut (dyn FnMut(usize) + Send),
 ) -> Result<Summary, Error> {
+    let [input, ..] = pictures else {
+        return Err(Error::Usage("no picture to denoise".into()));
+    };
     let inputs: Vec<&Path> = input.names.files().iter().map(|file| file.path()).collect();
     check_output(output, &inputs)?;
-    let mut rewrite = input.rewrite(options.extra)?;
-    let (schedule, plan) = plan::schedule(input, &rewrite, options);
+    let mut rewrite = rewrite(pictures, options.extra, &marks(pictures, options)?)?;
+    let (schedule, plan) = plan::schedule(pictures, &rewrite, options);
     plan.check(options.memory_limit)?;
-    memory::check_available(&plan, schedule.all_threads())?;
+    memory::check_available(&plan, schedule.all_threads() * pictures.len())?;
     let rows = match options.band {
         Some(band) => band.restrict(&mut rewrite, input.file())?,
-        None => 0..input.height(),
+        None => 0..pictures.iter().map(Input::height).max().unwrap_or(0),
     };
-    let mut source = BandSource::new(input.source(options.memory_limit)?, &rows);
-    let within = rows.start - source.first()..rows.end - source.first();
-    let sink = sink(input, output, rewrite, options, schedule, stop)?;
-    let mut sink = BandSink::new(sink, within.clone());
-    let mut told = |done: usize| {
-        progress(done.min(within.end).saturating_sub(within.start));
+    let mut sources = Vec::new();
+    for picture in pictures {
+        sources.push(Rows::of(picture, &rows, options.memory_limit)?);
+    }
+    let mut sink = sink(input, output, rewrite, options, schedule, stop)?;
+    let mut written = |sink: &mut ExrSink, picture: usize, y: usize, row: &OutputRow| {
+        sink.write_picture_row(picture, y, row)?;
+        if picture == 0 {
+            progress(y + 1);
+        }
         match stop.load(Ordering::Relaxed) {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
+            true => Err(Error::Cancelled),
+            false => Ok(()),
         }
     };
     let params = options.pipeline.params;
-    let report = run(&mut source, &mut sink, params, schedule, &mut told)?;
+    let reports = match &mut sources[..] {
+        [one] => {
+            let mut sink = PictureSink(|y, row: &OutputRow| written(&mut sink, 0, y, row));
+            vec![one.run(&mut sink, params, schedule)?]
+        }
+        several => run_in_turns(several, params, schedule, &mut |picture, y, row| {
+            written(&mut sink, picture, y, row)
+        })?,
+    };
     Ok(Summary {
-        report,
-        clamped: sink.into_inner().finish()?,
-        layers_off: source.inner().layers_off(),
+        reports,
+        clamped: sink.finish()?,
+        layers_off: sources.iter().map(Rows::layers_off).sum(),
         peak_memory: memory::peak(),
     })
 }
@@ -92,26 +116,268 @@ fn sink(
     ExrSink::create(output, file, rewrite, &codec, limit, stop.clone())
 }
 
+/// What rows of a picture are made of.
+enum Source {
+    Plain(BandSource<ExrSource>),
+    Around(BandSource<Wrapped<ExrSource>>),
+}
+
+/// The rows of a picture that are to be written.
+struct Rows {
+    /// What is computed; `None` if nothing was rendered in them.
+    source: Option<Source>,
+    /// The rows to be written of those that are computed.
+    within: Range<usize>,
+    /// Where they are in the rows to be written.
+    area: Area,
+    /// What is written.
+    layout: RowLayout,
+    /// What is computed, before the ends of a panorama are put on.
+    own_layout: RowLayout,
+}
+
+impl Rows {
+    /// The rows `wanted` of a picture's window.
+    fn of(picture: &Input, wanted: &Range<usize>, limit: u64) -> Result<Self, Error> {
+        let Area { x, y, size } = picture.area;
+        let wanted = wanted.start..wanted.end.min(picture.height());
+        let first = wanted.start.max(y);
+        let end = wanted.end.min(y + size.height());
+        // a band is not empty
+        let height = wanted.len().max(1);
+        let window = ImageSize::new(picture.width(), height).unwrap_or(size);
+        let layout = picture.layout().with_size(window);
+        let Some(own) = end
+            .checked_sub(first)
+            .and_then(|rows| ImageSize::new(size.width(), rows))
+        else {
+            return Ok(Self {
+                source: None,
+                within: 0..0,
+                area: Area::whole(window),
+                layout,
+                own_layout: layout,
+            });
+        };
+        let own_layout = picture.layout().with_size(own);
+        let rows = first - y..end - y;
+        let source = picture.source(limit)?;
+        let (source, above) = if picture.wrap {
+            let source = BandSource::new(Wrapped::new(source), &rows);
+            let above = source.first();
+            (Source::Around(source), above)
+        } else {
+            let source = BandSource::new(source, &rows);
+            let above = source.first();
+            (Source::Plain(source), above)
+        };
+        Ok(Self {
+            source: Some(source),
+            within: rows.start - above..rows.end - above,
+            area: Area {
+                x,
+                y: first - wanted.start,
+                size: own,
+            },
+            layout,
+            own_layout,
+        })
+    }
+
+    fn layers_off(&self) -> u64 {
+        match &self.source {
+            Some(Source::Plain(source)) => source.inner().layers_off(),
+            Some(Source::Around(source)) => source.inner().inner().layers_off(),
+            None => 0,
+        }
+    }
+
+    /// Denoises them into `sink`, which takes rows from 0.
+    fn run(
+        &mut self,
+        sink: &mut (dyn RowSink + Send),
+        params: Params,
+        schedule: Schedule,
+    ) -> Result<Report, Error> {
+        let mut placed = Placed::new(Borrowed(sink), self.area, &self.layout);
+        let (within, own) = (self.within.clone(), self.own_layout);
+        match &mut self.source {
+            None => {
+                placed.write_empty(0, self.layout.size.height())?;
+                Ok(Report::default())
+            }
+            Some(Source::Plain(source)) => {
+                run(source, &mut BandSink::new(placed, within), params, schedule)
+            }
+            Some(Source::Around(source)) => {
+                let placed = Unwrapped::new(placed, &own);
+                run(source, &mut BandSink::new(placed, within), params, schedule)
+            }
+        }
+    }
+}
+
+/// A sink that belongs to another.
+struct Borrowed<'a>(&'a mut (dyn RowSink + Send));
+
+impl RowSink for Borrowed<'_> {
+    fn write_row(&mut self, y: usize, row: &OutputRow) -> Result<(), Error> {
+        self.0.write_row(y, row)
+    }
+}
+
+/// A sink that is a function.
+struct PictureSink<F>(F);
+
+impl<F: FnMut(usize, &OutputRow) -> Result<(), Error> + Send> RowSink for PictureSink<F> {
+    fn write_row(&mut self, y: usize, row: &OutputRow) -> Result<(), Error> {
+        (self.0)(y, row)
+    }
+}
+
+/// Runs the pipelines of several pictures side by side, and writes a row of each in turns: some may lie in one part of the file, whose chunks are written
+/// once all of them are there.
+fn run_in_turns(
+    pictures: &mut [Rows],
+    params: Params,
+    schedule: Schedule,
+    write: &mut dyn FnMut(usize, usize, &OutputRow) -> Result<(), Error>,
+) -> Result<Vec<Report>, Error> {
+    let threads = schedule.threads.get() / pictures.len();
+    let threads = NonZeroUsize::new(threads).unwrap_or(NonZeroUsize::MIN);
+    let schedule = Schedule {
+        threads,
+        ..schedule
+    };
+    let heights: Vec<usize> = pictures
+        .iter()
+        .map(|rows| rows.layout.size.height())
+        .collect();
+    let height = heights.iter().copied().max().unwrap_or(0);
+    std::thread::scope(|scope| {
+        let mut running = Vec::new();
+        for rows in pictures {
+            let (sender, rows_out) = sync_channel::<OutputRow>(1);
+            let compute = move || {
+                // whoever takes the rows tells what went wrong there
+                let mut sink = PictureSink(move |_, row: &OutputRow| {
+                    sender.send(row.clone()).map_err(|_| Error::Cancelled)
+                });
+                rows.run(&mut sink, params, schedule)
+            };
+            let handle = std::thread::Builder::new().spawn_scoped(scope, compute);
+            let handle =
+                handle.map_err(|error| Error::Budget(format!("can't start a thread: {error}")))?;
+            running.push((handle, rows_out));
+        }
+        let mut result = Ok(());
+        'rows: for y in 0..height {
+            for (picture, (_, rows)) in running.iter().enumerate() {
+                if y >= heights[picture] {
+                    continue;
+                }
+                // one that failed sends no more
+                let Ok(row) = rows.recv() else { break 'rows };
+                result = write(picture, y, &row);
+                if result.is_err() {
+                    break 'rows;
+                }
+            }
+        }
+        let mut reports = Vec::new();
+        let mut failures = Vec::new();
+        for (handle, rows) in running {
+            drop(rows);
+            match handle.join() {
+                Ok(Ok(report)) => reports.push(report),
+                Ok(Err(error)) => failures.push(error),
+                Err(panic) => std::panic::resume_unwind(panic),
+            }
+        }
+        result?;
+        // others were cancelled by the one that failed
+        let own = failures
+            .iter()
+            .position(|error| !matches!(error, Error::Cancelled));
+        match failures.is_empty() {
+            true => Ok(reports),
+            false => Err(failures.swap_remove(own.unwrap_or(0))),
+        }
+    })
+}
+
 /// Runs the pipeline; reads ahead and writes behind it if the schedule says so.
 fn run(
     source: &mut dyn RowSource,
     sink: &mut dyn RowSink,
     params: Params,
     schedule: Schedule,
-    progress: &mut dyn FnMut(usize) -> ControlFlow<()>,
 ) -> Result<Report, Error> {
+    let go_on = &mut |_| ControlFlow::Continue(());
     let options = &Options::new(params).with_threads(schedule.threads);
     let rows = schedule.rows_in_flight;
     if rows == 0 {
-        return pipeline::denoise(source, sink, options, progress);
+        return pipeline::denoise(source, sink, options, go_on);
     }
     std::thread::scope(|scope| {
         let mut ahead = ReadAhead::start(scope, source, rows)?;
         let mut behind = WriteBehind::start(scope, sink, rows)?;
-        let report = pipeline::denoise(&mut ahead, &mut behind, options, progress);
+        let report = pipeline::denoise(&mut ahead, &mut behind, options, go_on);
         drop(ahead);
         // what went wrong at the far end is the reason for what the pipeline saw
         behind.finish()?;
         report
     })
+}
+
+/// What the header of the output says of how it was made, and of what.
+fn marks(pictures: &[Input], options: &JobOptions) -> Result<Vec<(&'static str, String)>, Error> {
+    let Some(first) = pictures.first() else {
+        return Ok(Vec::new());
+    };
+    let params = &options.pipeline.params;
+    let roles = pictures.iter().flat_map(|picture| {
+        let assigned = picture.roles.assignments.iter();
+        assigned.map(|a| {
+            let names: Vec<String> = a
+                .channels
+                .iter()
+                .map(|at| picture.names.name(*at))
+                .collect();
+            format!("{}={}", a.role.name(), names.join(","))
+        })
+    });
+    let roles: Vec<String> = roles.collect();
+    let layers = pictures.iter().flat_map(|picture| &picture.layers);
+    let layers: Vec<&str> = layers.map(|layer| layer.name.as_str()).collect();
+    let text = format!(
+        "formulas {:?}; coverage {}; vary features {}; {}; layers {}",
+        params.formulas,
+        params.coverage,
+        params.vary_features,
+        roles.join("; "),
+        layers.join(","),
+    );
+    let noise = pictures.iter().flat_map(|picture| {
+        let roles = [Role::Variance, Role::HalfA, Role::HalfB];
+        let channels = roles
+            .into_iter()
+            .filter_map(|role| picture.roles.assignment(role));
+        let channels = channels.flat_map(|assignment| &assignment.channels);
+        channels.map(|at| picture.names.name(*at))
+    });
+    let noise: Vec<String> = noise.collect();
+    let mut input = Vec::new();
+    for file in first.names.files() {
+        input.push(format!("{:08x}", file.fingerprint()?));
+    }
+    let mut marks = vec![
+        (VERSION_ATTRIBUTE, env!("CARGO_PKG_VERSION").to_owned()),
+        (OPTIONS_ATTRIBUTE, text),
+        (INPUT_ATTRIBUTE, input.join(" ")),
+    ];
+    if !noise.is_empty() {
+        marks.push((NOISE_ATTRIBUTE, noise.join(", ")));
+    }
+    Ok(marks)
 }

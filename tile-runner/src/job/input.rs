@@ -11,13 +11,29 @@ use crate::error::{Error, Setting};
 use crate::exr_file::ExrFile;
 use crate::exr_file::compression::SharedCodec;
 use crate::geometry::ImageSize;
-use crate::image::rewrite::{ExtraLayers, Rewrite};
+use crate::image::area::{Area, wrapped_layout};
+use crate::image::rewrite::{ExtraLayers, Rewrite, Targets};
 use crate::image::sink::ExrSink;
 use crate::image::source::{self, ExrSource};
+use crate::job::look::look;
+use crate::job::memory::DEFAULT_MEMORY_LIMIT;
 use crate::row::RowLayout;
+
+/// Whether the windows of a picture wrap around its left and right ends.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Wrap {
+    /// They do if the header says that it is a latitude-longitude map (attribute `envmap`), or if it is twice as wide as high and its ends meet.
+    #[default]
+    Auto,
+    /// They do.
+    X,
+    /// They do not.
+    Never,
+}
 
 /// Which channels of which files.
 #[derive(Clone, Debug, Default)]
+#[non_exhaustive]
 pub struct InputRequest {
     /// The noisy image.
     pub path: PathBuf,
@@ -27,6 +43,8 @@ pub struct InputRequest {
     pub roles: RoleRequest,
     /// Names, with `*` and `?`, of layers to denoise with the models of the colour.
     pub layers: Vec<String>,
+    /// Whether the picture is a panorama.
+    pub wrap: Wrap,
 }
 
 impl InputRequest {
@@ -37,22 +55,77 @@ impl InputRequest {
             ..Self::default()
         }
     }
+
+    /// The path of the image from the other half of the samples.
+    pub fn with_other_half(self, path: Option<PathBuf>) -> Self {
+        Self {
+            other_half: path,
+            ..self
+        }
+    }
+
+    /// Roles as asked for.
+    pub fn with_roles(self, roles: RoleRequest) -> Self {
+        Self { roles, ..self }
+    }
+
+    /// Layers by these names.
+    pub fn with_layers(self, layers: Vec<String>) -> Self {
+        Self { layers, ..self }
+    }
+
+    /// Wraps around, or not.
+    pub fn with_wrap(self, wrap: Wrap) -> Self {
+        Self { wrap, ..self }
+    }
 }
 
-/// An opened input whose channels have their roles.
+/// A picture of an opened file whose channels have their roles. Most files have one; a view, or a view layer, is a picture of its own.
 #[derive(Clone, Debug)]
 pub struct Input {
-    /// The files, and their channels by name.
+    /// The files, and their channels by name: those that the picture's view sees.
     pub names: ChannelNames,
     /// Which channel does what.
     pub roles: Roles,
     /// The layers to be denoised beside the colour.
     pub layers: Vec<Layer>,
+    /// What of the picture is denoised: what was rendered. The rest is 0 and stays so.
+    pub area: Area,
+    /// Whether its windows wrap around its left and right ends.
+    pub wrap: bool,
 }
 
 impl Input {
-    /// Opens the files and assigns the roles.
+    /// Opens the files, assigns the roles and looks at some of the pixels. The first of several pictures.
     pub fn open(request: &InputRequest) -> Result<Self, Error> {
+        let mut pictures = Self::open_all(request)?;
+        Ok(pictures.swap_remove(0))
+    }
+
+    /// The same for every picture of the file, at least one.
+    ///
+    /// [`Error::Setting`] or [`Error::Invalid`], among others, if two halves are not of one picture.
+    pub fn open_all(request: &InputRequest) -> Result<Vec<Self>, Error> {
+        let mut pictures = Self::assign(request)?;
+        for picture in &mut pictures {
+            // what cannot be read is told by who needs it
+            let Ok(found) = look(picture, request.wrap, DEFAULT_MEMORY_LIMIT) else {
+                continue;
+            };
+            if let Some(problem) = found.problem {
+                return Err(problem);
+            }
+            picture.roles.zero_is_unknown = found.zero_is_unknown;
+            picture.roles.warnings.extend(found.warnings);
+            picture.roles.notes.extend(found.notes);
+            picture.area = found.area.unwrap_or(picture.area);
+            picture.wrap = found.wrap;
+        }
+        Ok(pictures)
+    }
+
+    /// Opens the files and assigns the roles.
+    pub(crate) fn assign(request: &InputRequest) -> Result<Vec<Self>, Error> {
         let mut names = ChannelNames::new(Arc::new(ExrFile::open(&request.path)?));
         let mut roles = request.roles.clone();
         if let Some(path) = &request.other_half {
@@ -65,13 +138,27 @@ impl Input {
             }
             roles.other_half = Some(names.add(Arc::new(ExrFile::open(path)?)));
         }
-        let roles = resolve(&names, &roles)?;
-        let layers = layers::select(&names, &roles, &request.layers)?;
-        Ok(Self {
-            names,
-            roles,
-            layers,
-        })
+        let pictures = resolve(&names, &roles)?.into_iter();
+        let picture = |(names, roles): (ChannelNames, Roles)| {
+            let layers = layers::select(&names, &roles, &request.layers)?;
+            let at = roles.colour[0];
+            let part = &names.files()[at.file].parts()[at.part];
+            let size = part.size().ok_or_else(|| {
+                let path = names.files()[at.file].path().display();
+                Error::Invalid(format!(
+                    "{path}: {}: the data window is empty",
+                    part.label()
+                ))
+            })?;
+            Ok(Self {
+                area: Area::whole(size),
+                wrap: false,
+                names,
+                roles,
+                layers,
+            })
+        };
+        pictures.map(picture).collect()
     }
 
     /// The path of the noisy image.
@@ -84,29 +171,35 @@ impl Input {
         &self.names.files()[0]
     }
 
+    /// Size of the image.
+    pub(crate) fn size(&self) -> ImageSize {
+        let at = self.roles.colour[0];
+        let part = &self.names.files()[at.file].parts()[at.part];
+        // it was not empty when it was opened
+        part.size().unwrap_or(self.area.size)
+    }
+
     /// Rows of the image.
     pub fn height(&self) -> usize {
-        let at = self.roles.colour[0];
-        self.names.files()[at.file].parts()[at.part]
-            .header
-            .layer_size
-            .1
+        self.size().height()
     }
 
     /// Columns of the image.
     pub fn width(&self) -> usize {
-        let at = self.roles.colour[0];
-        self.names.files()[at.file].parts()[at.part]
-            .header
-            .layer_size
-            .0
+        self.size().width()
     }
 
-    /// What its rows hold; of an empty image, those of one pixel.
+    /// What its rows hold, of what is denoised.
     pub fn layout(&self) -> RowLayout {
-        let pixel = || ImageSize::new(1, 1).expect("one pixel is an image");
-        let size = ImageSize::new(self.width(), self.height()).unwrap_or_else(pixel);
-        source::layout(&self.roles, size, self.layers.len())
+        source::layout(&self.roles, self.area.size, &self.layers)
+    }
+
+    /// What the pipeline's rows hold: those of a panorama are wider.
+    pub(crate) fn computed_layout(&self) -> RowLayout {
+        match self.wrap {
+            true => wrapped_layout(self.layout()),
+            false => self.layout(),
+        }
     }
 
     /// Every channel that is read.
@@ -114,18 +207,25 @@ impl Input {
         let assigned = self.roles.assignments.iter().flat_map(|a| &a.channels);
         let mut all: Vec<ChannelRef> = assigned.copied().collect();
         for layer in &self.layers {
-            all.extend(layer.channels);
+            all.extend(layer.channels.iter().copied());
             all.extend(layer.variance.channels());
         }
+        all.extend(self.roles.variance.channels());
         all
     }
 
-    /// A source of its rows (see [`ExrSource::new`]).
+    /// A source of the rows of what is denoised (see [`ExrSource::new`]).
     pub fn source(&self, limit: u64) -> Result<ExrSource, Error> {
-        ExrSource::new(self.names.files(), &self.roles, &self.layers, limit)
+        ExrSource::new(
+            self.names.files(),
+            &self.roles,
+            &self.layers,
+            self.area,
+            limit,
+        )
     }
 
-    /// A sink for its denoised rows, into the file that [`denoise`](super::denoise) writes.
+    /// A sink for its denoised rows, into the file that [`denoise`](super::denoise) writes of a file with one picture.
     ///
     /// [`Error::Unsupported`] if what is to be denoised holds integers, [`Error::Write`] if the file cannot be created, [`Error::Budget`] if a row of
     /// chunks takes more than `limit` bytes, [`Error::Cancelled`] once `stop` is set.
@@ -137,18 +237,52 @@ impl Input {
         stop: Arc<AtomicBool>,
     ) -> Result<ExrSink, Error> {
         let codec = SharedCodec::default();
-        let rewrite = self.rewrite(extra)?;
+        let rewrite = rewrite(std::slice::from_ref(self), extra, &[])?;
         ExrSink::create(output, self.file().clone(), rewrite, &codec, limit, stop)
     }
 
-    /// What a user should know about the output: what it loses, and why it is stored in another way than the input.
-    pub fn notes_on_output(&self, extra: ExtraLayers) -> Result<Vec<String>, Error> {
-        Ok(self.rewrite(extra)?.notes)
+    /// Where its denoised channels go; it is one of `count` pictures.
+    fn targets(&self, count: usize) -> Targets {
+        let (light, plain): (Vec<&Layer>, Vec<&Layer>) =
+            self.layers.iter().partition(|layer| layer.is_light);
+        let triple = |layer: &Layer| <[_; 3]>::try_from(layer.channels.as_slice()).ok();
+        let view = self.roles.view.as_ref().map(|view| format!("{view}."));
+        let prefix = format!("{}{}", self.roles.prefix, view.unwrap_or_default());
+        Targets {
+            colour: self.roles.target,
+            alpha: self
+                .roles
+                .alpha_target
+                .filter(|_| self.roles.alpha.is_some()),
+            layers: light.into_iter().filter_map(triple).collect(),
+            scalars: plain
+                .iter()
+                .flat_map(|layer| &layer.channels)
+                .copied()
+                .collect(),
+            prefix: if count > 1 { prefix } else { String::new() },
+        }
     }
+}
 
-    /// The output file that denoising it makes.
-    pub(crate) fn rewrite(&self, extra: ExtraLayers) -> Result<Rewrite, Error> {
-        let layers: Vec<_> = self.layers.iter().map(|layer| layer.channels).collect();
-        Rewrite::new(self.file(), &self.roles.colour, &layers, extra)
-    }
+/// What a user should know about the output: what it loses, and why it is stored in another way than the input.
+pub fn notes_on_output(pictures: &[Input], extra: ExtraLayers) -> Result<Vec<String>, Error> {
+    Ok(rewrite(pictures, extra, &[])?.notes)
+}
+
+/// The output file that denoising the pictures of a file makes, with these attributes.
+pub(crate) fn rewrite(
+    pictures: &[Input],
+    extra: ExtraLayers,
+    marks: &[(&str, String)],
+) -> Result<Rewrite, Error> {
+    let count = pictures.len();
+    let targets: Vec<Targets> = pictures
+        .iter()
+        .map(|picture| picture.targets(count))
+        .collect();
+    let Some(first) = pictures.first() else {
+        return Err(Error::Usage("no picture to denoise".into()));
+    };
+    Rewrite::new(first.file(), &targets, extra, marks)
 }

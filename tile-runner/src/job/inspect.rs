@@ -6,12 +6,13 @@ use std::ops::ControlFlow;
 
 use linpred_core::Feature;
 
+use crate::channels::names::ChannelRef;
 use crate::channels::roles::Roles;
 use crate::channels::variance::Variance;
 use crate::error::Error;
 use crate::exr_file::{ExrFile, Part};
 use crate::image::rewrite::ExtraLayers;
-use crate::job::input::{Input, InputRequest};
+use crate::job::input::{Input, InputRequest, rewrite};
 use crate::job::memory::{self, DEFAULT_MEMORY_LIMIT};
 use crate::job::plan;
 use crate::stream::survey::{self, Survey};
@@ -72,6 +73,14 @@ pub struct Inspection {
     pub untouched: Vec<String>,
     /// What was left aside, and why.
     pub notes: Vec<String>,
+    /// What stands in the way of a better result.
+    pub warnings: Vec<String>,
+    /// The channels that the denoised colour goes into, where they are not the colour's own.
+    pub written_to: Vec<String>,
+    /// Which of the file's pictures this is: a view, a view layer; empty in a file with one.
+    pub picture: String,
+    /// The other pictures of the file, which are denoised in the same run.
+    pub others: Vec<Inspection>,
     /// What the pixels hold, if they were surveyed.
     pub pixels: Option<Survey>,
     /// Why `denoise` would refuse the file, if it would.
@@ -90,12 +99,12 @@ pub fn inspect_with(
     request: &InputRequest,
     survey: impl FnOnce(&Input) -> Result<Option<Survey>, Error>,
 ) -> Result<(Inspection, Option<Error>), Error> {
-    let (mut inspection, problem) = match Input::open(request) {
-        Ok(input) => {
-            let mut inspection = describe(&input);
-            let mut problem = obstacle(&input);
+    let (mut inspection, problem) = match Input::open_all(request) {
+        Ok(pictures) => {
+            let mut inspection = describe(&pictures);
+            let mut problem = obstacle(&pictures);
             if problem.is_none() {
-                match survey(&input) {
+                match survey(&pictures[0]) {
                     Ok(pixels) => inspection.pixels = pixels,
                     // says nothing of the file
                     Err(error @ (Error::Budget(_) | Error::OverLimit { .. })) => return Err(error),
@@ -129,10 +138,13 @@ pub fn survey(
     })
 }
 
-/// Why an input whose roles are known cannot be denoised, if it cannot.
-fn obstacle(input: &Input) -> Option<Error> {
-    let refused = input.rewrite(ExtraLayers::default()).err();
-    refused.or_else(|| input.source(DEFAULT_MEMORY_LIMIT).err())
+/// Why pictures whose roles are known cannot be denoised, if they cannot.
+fn obstacle(pictures: &[Input]) -> Option<Error> {
+    let refused = rewrite(pictures, ExtraLayers::default(), &[]).err();
+    let mut sources = pictures
+        .iter()
+        .map(|input| input.source(DEFAULT_MEMORY_LIMIT));
+    refused.or_else(|| sources.find_map(Result::err))
 }
 
 /// The description of a file without roles.
@@ -148,27 +160,37 @@ fn bare(file: &ExrFile) -> Inspection {
     }
 }
 
-/// Describes an input whose roles are known.
-pub fn describe(input: &Input) -> Inspection {
-    let roles = &input.roles;
-    let rewrite = input.rewrite(ExtraLayers::default());
+/// Describes the pictures of a file whose roles are known.
+pub fn describe(pictures: &[Input]) -> Inspection {
+    let Some((first, others)) = pictures.split_first() else {
+        return Inspection::default();
+    };
+    let rewrite = rewrite(pictures, ExtraLayers::default(), &[]);
     let rewritten = |part: &Part| {
         rewrite
             .as_ref()
             .is_ok_and(|output| output.rewritten.iter().any(|r| r.index == part.index))
     };
-    let mut notes = roles.notes.clone();
-    if let Ok(output) = &rewrite {
-        notes.extend(output.notes.iter().cloned());
-    }
-    Inspection {
-        path: input.file().path().display().to_string(),
-        parts: input
-            .file()
-            .parts()
-            .iter()
+    let mut inspection = Inspection {
+        path: first.file().path().display().to_string(),
+        parts: (first.file().parts().iter())
             .map(|part| part_info(part, !rewritten(part)))
             .collect(),
+        untouched: untouched(pictures),
+        others: others.iter().map(describe_picture).collect(),
+        ..describe_picture(first)
+    };
+    if let Ok(output) = &rewrite {
+        inspection.notes.extend(output.notes.iter().cloned());
+    }
+    inspection
+}
+
+/// What is told of each picture.
+fn describe_picture(input: &Input) -> Inspection {
+    let roles = &input.roles;
+    let target = (roles.target != roles.colour).then_some(roles.target);
+    Inspection {
         roles: role_infos(input),
         samples: roles.samples.as_ref().map(ToString::to_string),
         variance: Some(variance_in_words(roles)),
@@ -177,29 +199,42 @@ pub fn describe(input: &Input) -> Inspection {
             .filter(|feature| roles.feature(*feature).is_none())
             .map(|feature| feature.name().to_owned())
             .collect(),
-        untouched: untouched(input),
-        notes,
-        pixels: None,
-        problem: None,
+        notes: roles.notes.clone(),
+        warnings: roles.warnings.clone(),
+        written_to: (target.iter().flatten())
+            .chain(&roles.alpha_target)
+            .take(if target.is_some() { 4 } else { 0 })
+            .map(|at| input.names.name(*at))
+            .collect(),
+        picture: roles.label(),
+        ..Inspection::default()
     }
 }
 
-fn untouched(input: &Input) -> Vec<String> {
-    let assigned = input
-        .roles
-        .assignments
-        .iter()
-        .flat_map(|a| a.channels.iter().copied());
-    let used: Vec<_> = assigned
-        .chain(input.layers.iter().flat_map(|layer| layer.channels))
-        .collect();
-    let others = input
-        .names
-        .in_file(0)
-        .filter(|name| !used.contains(&name.at));
-    let mut untouched: Vec<String> = others.map(|name| input.names.name(name.at)).collect();
-    untouched.dedup();
-    untouched
+fn untouched(pictures: &[Input]) -> Vec<String> {
+    let used = pictures.iter().flat_map(|input| {
+        let assigned = input.roles.assignments.iter().flat_map(|a| &a.channels);
+        let layers = input.layers.iter().flat_map(|layer| &layer.channels);
+        let alpha = &input.roles.alpha_target;
+        assigned
+            .chain(layers)
+            .chain(&input.roles.target)
+            .chain(alpha)
+    });
+    let used: Vec<ChannelRef> = used.copied().collect();
+    let Some(first) = pictures.first() else {
+        return Vec::new();
+    };
+    let parts = first.file().parts().iter();
+    let all = parts.flat_map(|part| {
+        (0..part.header.channels.list.len()).map(move |channel| ChannelRef {
+            file: 0,
+            part: part.index,
+            channel,
+        })
+    });
+    let others = all.filter(|at| !used.contains(at));
+    others.map(|at| first.names.name(at)).collect()
 }
 
 fn role_infos(input: &Input) -> Vec<RoleInfo> {
@@ -218,7 +253,10 @@ fn role_infos(input: &Input) -> Vec<RoleInfo> {
         info(
             "layer",
             &layer.channels,
-            format!("asked for as {:?}", layer.name),
+            match layer.is_light {
+                true => format!("asked for as {:?}", layer.name),
+                false => format!("asked for as {:?}, no light", layer.name),
+            },
         )
     });
     assigned.chain(layers).collect()
@@ -309,7 +347,31 @@ impl fmt::Display for Inspection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}", self.path)?;
         self.parts.iter().try_for_each(|part| write!(f, "{part}"))?;
+        self.picture(f)?;
+        if !self.untouched.is_empty() {
+            writeln!(f, "  kept as they are  {}", self.untouched.join(" "))?;
+        }
+        for other in &self.others {
+            writeln!(f, "  denoised, too: {}", other.picture)?;
+            other.picture(f)?;
+        }
+        if let Some(pixels) = &self.pixels {
+            write!(f, "{pixels}")?;
+        }
+        match &self.problem {
+            Some(problem) => writeln!(f, "  cannot be denoised: {problem}"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Inspection {
+    /// What is told of each picture.
+    fn picture(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.roles.iter().try_for_each(|role| write!(f, "{role}"))?;
+        if !self.written_to.is_empty() {
+            writeln!(f, "  written to        {}", self.written_to.join(" "))?;
+        }
         if let Some(variance) = &self.variance {
             writeln!(f, "  variance from     {variance}")?;
             writeln!(
@@ -325,18 +387,12 @@ impl fmt::Display for Inspection {
                 self.missing.join(", ")
             )?;
         }
-        if !self.untouched.is_empty() {
-            writeln!(f, "  kept as they are  {}", self.untouched.join(" "))?;
-        }
         for note in &self.notes {
             writeln!(f, "  note: {note}")?;
         }
-        if let Some(pixels) = &self.pixels {
-            write!(f, "{pixels}")?;
+        for warning in &self.warnings {
+            writeln!(f, "  warning: {warning}")?;
         }
-        match &self.problem {
-            Some(problem) => writeln!(f, "  cannot be denoised: {problem}"),
-            None => Ok(()),
-        }
+        Ok(())
     }
 }

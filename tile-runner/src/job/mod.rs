@@ -8,11 +8,11 @@
 //! use linpred::job::{Input, InputRequest, JobOptions, denoise};
 //!
 //! fn main() -> Result<(), linpred::Error> {
-//!     let input = Input::open(&InputRequest::new("noisy.exr"))?;
+//!     let pictures = Input::open_all(&InputRequest::new("noisy.exr"))?;
 //!     let never = Arc::new(AtomicBool::new(false));
-//!     let mut progress = |rows| println!("{rows} of {} rows", input.height());
-//!     let done = denoise(&input, Path::new("clean.exr"), &JobOptions::default(), &never, &mut progress)?;
-//!     println!("{} models", done.report.models);
+//!     let mut progress = |rows| println!("{rows} of {} rows", pictures[0].height());
+//!     let done = denoise(&pictures, Path::new("clean.exr"), &JobOptions::default(), &never, &mut progress)?;
+//!     println!("{} models", done.reports[0].models);
 //!     Ok(())
 //! }
 //! ```
@@ -22,6 +22,7 @@ mod compare;
 mod denoise;
 mod input;
 mod inspect;
+mod look;
 mod memory;
 mod options;
 mod plan;
@@ -34,7 +35,7 @@ pub use compare::{
     tone_mapped, worst_places,
 };
 pub use denoise::{Summary, denoise};
-pub use input::{Input, InputRequest};
+pub use input::{Input, InputRequest, Wrap, notes_on_output};
 pub use inspect::{Inspection, PartInfo, RoleInfo, describe, inspect, inspect_with, survey};
 pub use memory::{DEFAULT_MEMORY_LIMIT, MemoryPlan};
 pub use options::JobOptions;

@@ -10,7 +10,7 @@ use crate::error::Error;
 use crate::exr_file::Part;
 use crate::exr_file::compression::{chunks_while_coding, coded_at_once};
 use crate::image::rewrite::{Fill, Rewrite};
-use crate::job::input::Input;
+use crate::job::input::{Input, rewrite};
 use crate::job::memory::MemoryPlan;
 use crate::job::options::JobOptions;
 use crate::row::{InputRow, OutputRow};
@@ -39,15 +39,16 @@ impl Schedule {
     }
 }
 
-/// How [`denoise`](super::denoise) would run, and what it would hold in memory. [`Error::Unsupported`] if what is to be denoised holds integers.
-pub fn plan(input: &Input, options: &JobOptions) -> Result<(Schedule, MemoryPlan), Error> {
-    Ok(schedule(input, &input.rewrite(options.extra)?, options))
+/// How [`denoise`](super::denoise) would run the pictures of a file, and what it would hold in memory. [`Error::Unsupported`] if what is to be denoised holds integers.
+pub fn plan(pictures: &[Input], options: &JobOptions) -> Result<(Schedule, MemoryPlan), Error> {
+    let rewrite = rewrite(pictures, options.extra, &[])?;
+    Ok(schedule(pictures, &rewrite, options))
 }
 
 /// The fastest schedule that keeps within the limit of `options`, and its plan; the most frugal one if none does, which
 /// [`MemoryPlan::check`] tells.
 pub(crate) fn schedule(
-    input: &Input,
+    pictures: &[Input],
     rewrite: &Rewrite,
     options: &JobOptions,
 ) -> (Schedule, MemoryPlan) {
@@ -58,9 +59,9 @@ pub(crate) fn schedule(
         codes_at_once: false,
     };
     let params = options.pipeline.params;
-    let plan = |schedule| (schedule, memory_plan(input, rewrite, params, schedule));
+    let plan = |schedule| (schedule, memory_plan(pictures, rewrite, params, schedule));
     let fits = |(_, plan): &(Schedule, MemoryPlan)| plan.total() <= options.memory_limit;
-    schedules(threads, may_code_at_once(input, rewrite))
+    schedules(threads, may_code_at_once(pictures, rewrite))
         .into_iter()
         .map(plan)
         .find(fits)
@@ -97,44 +98,55 @@ fn schedules(threads: NonZeroUsize, at_once: bool) -> Vec<Schedule> {
 }
 
 /// Whether every compression that is decoded or encoded allows it.
-fn may_code_at_once(input: &Input, rewrite: &Rewrite) -> bool {
-    let files = input.names.files();
-    let read = input
-        .channels()
-        .into_iter()
-        .map(|at| &files[at.file].parts()[at.part].header);
+fn may_code_at_once(pictures: &[Input], rewrite: &Rewrite) -> bool {
+    let read = pictures.iter().flat_map(|input| {
+        let files = input.names.files();
+        let channels = input.channels().into_iter();
+        channels.map(|at| &files[at.file].parts()[at.part].header)
+    });
     let written = rewrite.rewritten.iter().map(|part| &part.header);
     read.chain(written)
         .all(|header| coded_at_once(header.compression))
 }
 
-/// What denoising `input` will hold in memory: file chunks, and the pipeline's bands of rows.
+/// What denoising the pictures of a file will hold in memory: file chunks, and the pipelines' bands of rows.
 pub(super) fn memory_plan(
-    input: &Input,
+    pictures: &[Input],
     rewrite: &Rewrite,
     params: Params,
     schedule: Schedule,
 ) -> MemoryPlan {
     let mut plan = MemoryPlan::default();
     plan.add("the program", PROGRAM);
-    add_reading(&mut plan, input);
+    let Some(first) = pictures.first() else {
+        return plan;
+    };
+    add_tables(&mut plan, first);
+    // they share the codecs of the files, and the output
+    let parts = first.file().parts();
     let written = rewrite.rewritten.iter();
-    let written: Vec<&Part> = written
-        .map(|part| &input.file().parts()[part.index])
-        .collect();
-    add_coding(&mut plan, input, &written, schedule.codes_at_once);
-    add_writing(&mut plan, input, rewrite);
-    let layout = input.layout();
-    let options = Options::new(params).with_threads(schedule.threads);
-    plan.add("computing", pipeline::bytes(&layout, &options));
-    if schedule.rows_in_flight > 0 {
-        // those in the channel, one being filled or emptied, and one more in the hand of the pipeline
-        let rows = schedule.rows_in_flight as u64 + 2;
+    let written: Vec<&Part> = written.map(|part| &parts[part.index]).collect();
+    add_coding(&mut plan, pictures, &written, schedule.codes_at_once);
+    add_writing(&mut plan, first, rewrite);
+    let threads = schedule.threads.get() / pictures.len();
+    let threads = NonZeroUsize::new(threads).unwrap_or(NonZeroUsize::MIN);
+    for input in pictures {
+        add_reading(&mut plan, input);
+        let layout = input.computed_layout();
+        let options = Options::new(params).with_threads(threads);
+        plan.add("computing", pipeline::bytes(&layout, &options));
         let row = InputRow::bytes(&layout).saturating_add(OutputRow::bytes(&layout));
-        plan.add(
-            "rows read ahead and written behind",
-            row.saturating_mul(rows),
-        );
+        if schedule.rows_in_flight > 0 {
+            // those in the channel, one being filled or emptied, and one more in the hand of the pipeline
+            let rows = schedule.rows_in_flight as u64 + 2;
+            plan.add(
+                "rows read ahead and written behind",
+                row.saturating_mul(rows),
+            );
+        }
+        if layout.size != input.size() || pictures.len() > 1 {
+            plan.add("rows put in their place", row.saturating_mul(4));
+        }
     }
     plan
 }
@@ -148,8 +160,9 @@ pub(super) fn survey_plan(
     let plan = |threads| {
         let mut plan = MemoryPlan::default();
         plan.add("the program", PROGRAM);
+        add_tables(&mut plan, input);
         add_reading(&mut plan, input);
-        add_coding(&mut plan, input, &[], true);
+        add_coding(&mut plan, std::slice::from_ref(input), &[], true);
         plan.add("computing", survey::bytes(&input.layout(), threads));
         (threads, plan)
     };
@@ -166,8 +179,9 @@ pub(super) fn compare_plan(inputs: &[&Input], computing: u64) -> MemoryPlan {
     let mut plan = MemoryPlan::default();
     plan.add("the program", PROGRAM);
     for input in inputs {
+        add_tables(&mut plan, input);
         add_reading(&mut plan, input);
-        add_coding(&mut plan, input, &[], true);
+        add_coding(&mut plan, std::slice::from_ref(*input), &[], true);
     }
     plan.add("computing", computing);
     plan
@@ -194,8 +208,11 @@ fn add_reading(plan: &mut MemoryPlan, input: &Input) {
         let what = format!("{} of the channels of {}", channels.len(), describe(part));
         plan.add(format!("reading {what}"), bytes);
     }
+}
+
+fn add_tables(plan: &mut MemoryPlan, input: &Input) {
+    let files = input.names.files().iter();
     let chunks = files
-        .iter()
         .flat_map(|file| file.parts())
         .map(|part| part.header.chunk_count as u64);
     // 8 bytes of the input's table, 8 of the output's
@@ -203,10 +220,13 @@ fn add_reading(plan: &mut MemoryPlan, input: &Input) {
 }
 
 /// Working memory of the codecs: one for each file that is read, which codes the output too unless that has its own.
-fn add_coding(plan: &mut MemoryPlan, input: &Input, written: &[&Part], at_once: bool) {
-    let files = input.names.files();
+fn add_coding(plan: &mut MemoryPlan, pictures: &[Input], written: &[&Part], at_once: bool) {
+    let Some(first) = pictures.first() else {
+        return;
+    };
+    let files = first.names.files();
     let mut read: Vec<Vec<&Part>> = vec![Vec::new(); files.len()];
-    for at in input.channels() {
+    for at in pictures.iter().flat_map(Input::channels) {
         read[at.file].push(&files[at.file].parts()[at.part]);
     }
     if !at_once {

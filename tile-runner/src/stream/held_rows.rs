@@ -23,10 +23,14 @@ pub(crate) struct ColourRow {
     pub(crate) good: Vec<f32>,
     /// Which pixels are fireflies.
     pub(crate) firefly: Vec<bool>,
-    /// Variance of the mean, summed over the channels, 0 where the pixel is bad.
+    /// Variance of the mean, summed over the channels, 0 where the pixel is bad. NaN where none is known, until it is estimated.
     pub(crate) variance: Vec<f32>,
-    /// Extra layers, 0 where not finite and where the pixel is bad: what a layer holds there is no better.
-    pub(crate) layers: Vec<[Vec<f32>; 3]>,
+    /// Which pixels of an image with variances have none that is known.
+    pub(crate) estimated: Vec<bool>,
+    /// Which pixels are black where nothing is to be seen: they have no noise, whatever is around them.
+    pub(crate) empty: Vec<bool>,
+    /// What follows the colour in triples (see [`RowLayout::followers`]), 0 where not finite and where the pixel is bad: what it holds there is no better.
+    pub(crate) followers: Vec<[Vec<f32>; 3]>,
 }
 
 /// What else weights and filtered features are made of; cells do not read it, so it leaves earlier.
@@ -46,8 +50,8 @@ pub(crate) struct GuideRow {
 impl ColourRow {
     /// Bytes of `rows` rows.
     pub(crate) fn bytes(layout: &RowLayout, rows: usize) -> u64 {
-        let flags = (layout.size.width() as u64).saturating_mul(rows as u64);
-        plane_bytes(layout.size, rows, 5 + 3 * layout.layers).saturating_add(flags)
+        let flags = 3 * (layout.size.width() as u64).saturating_mul(rows as u64);
+        plane_bytes(layout.size, rows, 5 + 3 * layout.followers()).saturating_add(flags)
     }
 
     fn new(layout: &RowLayout) -> Self {
@@ -57,7 +61,9 @@ impl ColourRow {
             good: plane(),
             firefly: vec![false; layout.size.width()],
             variance: plane(),
-            layers: (0..layout.layers)
+            estimated: vec![false; layout.size.width()],
+            empty: vec![false; layout.size.width()],
+            followers: (0..layout.followers())
                 .map(|_| std::array::from_fn(|_| plane()))
                 .collect(),
         }
@@ -74,12 +80,13 @@ impl ColourRow {
             }
         }
         self.fill_variance(input, kind);
-        for (own, layer) in self.layers.iter_mut().zip(&input.layers) {
-            for (own, plane) in own.iter_mut().zip(layer) {
-                for ((own, &value), good) in own.iter_mut().zip(plane).zip(&self.good) {
-                    let usable = *good > 0.0 && value.abs() <= LARGEST;
-                    *own = if usable { value } else { 0.0 };
-                }
+        let alpha = Some(&input.alpha).filter(|alpha| !alpha.is_empty());
+        let layers = input.layers.iter().flatten();
+        let planes = layers.chain(alpha).chain(&input.scalars);
+        for (own, plane) in self.followers.iter_mut().flatten().zip(planes) {
+            for ((own, &value), good) in own.iter_mut().zip(plane).zip(&self.good) {
+                let usable = *good > 0.0 && value.abs() <= LARGEST;
+                *own = if usable { value } else { 0.0 };
             }
         }
     }
@@ -90,9 +97,42 @@ impl ColourRow {
             let noisy = |c: usize| input.variance[c].iter().zip(&self.colour[c]);
             let channels = noisy(0).zip(noisy(1)).zip(noisy(2)).zip(&self.good);
             for (own, (((red, green), blue), good)) in self.variance.iter_mut().zip(channels) {
-                let checked = [red, green, blue].map(|(v, value)| checked_variance(*v, *value));
-                let sum = unordered_sum(checked);
+                let pixel = [red, green, blue];
+                let checked = pixel.map(|(v, value)| checked_variance(*v, *value));
+                let unknown = pixel.iter().any(|(v, _)| v.is_nan());
+                let sum = if unknown {
+                    f32::NAN
+                } else {
+                    unordered_sum(checked)
+                };
                 *own = if *good != 0.0 { sum } else { 0.0 };
+            }
+        }
+        let known = self.variance.iter().map(|variance| variance.is_nan());
+        self.estimated
+            .iter_mut()
+            .zip(known)
+            .for_each(|(own, nan)| *own = nan);
+    }
+
+    /// Notes which pixels are empty: they are black and without stated noise where alpha and features say that nothing is to be seen.
+    fn find_empty(&mut self, layout: &RowLayout, guides: &GuideRow) {
+        let placed = layout.has(Feature::Normal) || layout.has(Feature::Depth);
+        let tells = placed || (layout.alpha && layout.has(Feature::Albedo));
+        if !tells {
+            return;
+        }
+        let alpha = self.followers.get(layout.layers).filter(|_| layout.alpha);
+        let present = guides.features.iter().filter(|plane| !plane.is_empty());
+        let zero = present
+            .chain(&self.colour)
+            .chain(alpha.map(|triple| &triple[0]));
+        let zero: Vec<&Vec<f32>> = zero.collect();
+        for (x, empty) in self.empty.iter_mut().enumerate() {
+            let silent = self.variance[x] == 0.0 || self.variance[x].is_nan();
+            *empty = silent && self.good[x] > 0.0 && zero.iter().all(|plane| plane[x] == 0.0);
+            if *empty {
+                (self.variance[x], self.estimated[x]) = (0.0, false);
             }
         }
     }
@@ -100,8 +140,9 @@ impl ColourRow {
     /// Makes the pixel in column `x` a bad one.
     pub(crate) fn spoil(&mut self, x: usize) {
         (self.good[x], self.variance[x]) = (0.0, 0.0);
-        let layers = self.layers.iter_mut().flatten();
-        for plane in self.colour.iter_mut().chain(layers) {
+        self.estimated[x] = false;
+        let followers = self.followers.iter_mut().flatten();
+        for plane in self.colour.iter_mut().chain(followers) {
             plane[x] = 0.0;
         }
     }
@@ -183,7 +224,7 @@ impl GuideRow {
     }
 }
 
-/// A variance that can be used: one that is not finite (a half float that overflowed) counts as the value's square.
+/// A variance that can be used: an infinite one (a half float that overflowed) counts as the value's square, and so does what is not known of a feature.
 fn checked_variance(variance: f32, value: f32) -> f32 {
     if variance.is_finite() {
         variance.clamp(0.0, LARGEST * LARGEST)
@@ -233,6 +274,7 @@ impl HeldRows {
         colours.fill(input, layout.variance);
         let guides = self.guides.push(|| GuideRow::new(layout));
         guides.fill(input, colours);
+        colours.find_empty(layout, guides);
     }
 
     /// Lets go of the colours before row `colours` and of the rest before row `guides`.

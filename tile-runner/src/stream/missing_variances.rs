@@ -13,9 +13,14 @@ use crate::stream::instruction_set::InstructionSet;
 /// Blocks that each thread estimates before their results are stored.
 const BLOCKS_PER_THREAD: usize = 4;
 
+/// Rows that must be held around one whose variances are estimated. A missing feature is filled from its neighbours, hence the 1. Any image may have pixels
+/// of unknown variance.
+pub(crate) const MISSING_HALO: usize = NOISE_HALO + 1;
+
 /// Which variances to estimate.
 #[derive(Clone, Copy)]
 pub(crate) struct Missing {
+    /// Those of the colour, at every pixel; at those that have none otherwise.
     colour: bool,
     features: [bool; FEATURES],
 }
@@ -29,22 +34,18 @@ impl Missing {
         }
     }
 
-    /// Rows that must be held around an estimated one.
-    pub(crate) fn halo(self) -> usize {
-        // A missing feature is filled from its neighbours, hence the 1.
-        if self.colour || self.features.contains(&true) {
-            NOISE_HALO + 1
-        } else {
-            0
-        }
+    /// Bytes that estimating takes, on `threads` threads.
+    pub(crate) fn working_bytes(threads: u64) -> u64 {
+        threads * (BLOCKS_PER_THREAD * size_of::<NoiseBlock>() + size_of::<NoisyBlock>()) as u64
     }
 
-    /// Bytes that estimating takes, on `threads` threads.
-    pub(crate) fn working_bytes(self, threads: u64) -> u64 {
-        if self.halo() == 0 {
-            return 0;
-        }
-        threads * (BLOCKS_PER_THREAD * size_of::<NoiseBlock>() + size_of::<NoisyBlock>()) as u64
+    /// Whether the colour's variances are to be estimated in a block.
+    fn wants_colour(self, held: &HeldRows, columns: Range<usize>, rows: Range<usize>) -> bool {
+        let unknown = |y: usize| {
+            let variance = &held.colours(y as isize).variance[columns.clone()];
+            variance.iter().any(|v| v.is_nan())
+        };
+        self.colour || rows.into_iter().any(unknown)
     }
 
     /// Estimates the variances of `rows`, all of whose neighbours within the halo are held.
@@ -55,25 +56,31 @@ impl Missing {
         rows: Range<usize>,
         instruction_set: InstructionSet,
     ) {
-        if self.halo() == 0 {
-            return;
-        }
+        let width = layout.size.width();
         for first in rows.clone().step_by(BLOCK_HEIGHT) {
             let end = rows.end.min(first + BLOCK_HEIGHT);
-            let columns: Vec<usize> = (0..layout.size.width()).step_by(BLOCK_WIDTH).collect();
-            for columns in columns.chunks(BLOCKS_PER_THREAD * rayon::current_num_threads()) {
+            let features = self.features.contains(&true);
+            let block = |x: usize| {
+                let columns = x..width.min(x + BLOCK_WIDTH);
+                let colour = self.wants_colour(held, columns.clone(), first..end);
+                (columns, colour)
+            };
+            let blocks = (0..width).step_by(BLOCK_WIDTH).map(block);
+            let wanted: Vec<_> = blocks.filter(|(_, colour)| *colour || features).collect();
+            for wanted in wanted.chunks(BLOCKS_PER_THREAD * rayon::current_num_threads()) {
                 let from: &HeldRows = held;
-                let blocks: Vec<Box<NoiseBlock>> = columns
-                    .par_iter()
-                    .map(|&x| self.estimate(from, layout, x, first, instruction_set))
-                    .collect();
-                for (block, &x) in blocks.iter().zip(columns) {
-                    self.store(
-                        held,
-                        block,
-                        x..layout.size.width().min(x + BLOCK_WIDTH),
-                        first..end,
-                    );
+                let estimate = |(columns, colour): &(Range<usize>, bool)| {
+                    self.estimate(
+                        from,
+                        layout,
+                        (columns.start, first),
+                        *colour,
+                        instruction_set,
+                    )
+                };
+                let blocks: Vec<Box<NoiseBlock>> = wanted.par_iter().map(estimate).collect();
+                for (block, (columns, colour)) in blocks.iter().zip(wanted) {
+                    self.store(held, block, columns.clone(), first..end, *colour);
                 }
             }
         }
@@ -83,8 +90,8 @@ impl Missing {
         self,
         held: &HeldRows,
         layout: &RowLayout,
-        x: usize,
-        y: usize,
+        (x, y): (usize, usize),
+        colour: bool,
         instruction_set: InstructionSet,
     ) -> Box<NoiseBlock> {
         let input = load(held, layout, x, y);
@@ -92,7 +99,7 @@ impl Missing {
         if self.features.contains(&true) {
             instruction_set.estimate_feature_noise(&input, &mut block);
         }
-        if self.colour {
+        if colour {
             instruction_set.estimate_colour_noise(&input, &mut block);
         }
         block
@@ -104,17 +111,20 @@ impl Missing {
         block: &NoiseBlock,
         columns: Range<usize>,
         rows: Range<usize>,
+        colour: bool,
     ) {
         let width = columns.len();
         for (y, row) in rows.enumerate() {
             let (target, colours) = held.variances_mut(row);
-            if self.colour {
+            if colour {
                 let good = &colours.good[columns.clone()];
                 let variances = &mut colours.variance[columns.clone()];
                 for ((variance, estimate), good) in
                     variances.iter_mut().zip(&block.colour[y]).zip(good)
                 {
-                    *variance = estimate * good;
+                    if self.colour || variance.is_nan() {
+                        *variance = estimate * good;
+                    }
                 }
             }
             for k in (0..FEATURES).filter(|k| self.features[*k]) {

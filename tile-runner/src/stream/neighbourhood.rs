@@ -52,7 +52,12 @@ impl Neighbourhood<'_> {
             let row = self.row(y);
             let good = &row.colours.good[columns.clone()];
             let variance = &row.prepared.variance[columns.clone()];
-            variance.iter().all(|v| *v == 0.0) && good.iter().all(|v| *v != 0.0)
+            let empty = &row.colours.empty[columns.clone()];
+            let clean = variance
+                .iter()
+                .zip(empty)
+                .all(|(v, empty)| *v == 0.0 || *empty);
+            clean && good.iter().all(|v| *v != 0.0)
         })
     }
 
@@ -168,7 +173,7 @@ impl Neighbourhood<'_> {
                 .checked_sub(HALO)
                 .filter(|y| *y < self.size.height());
             let Some(y) = y else { continue };
-            let planes = &self.held.colours(y as isize).layers[layer];
+            let planes = &self.held.colours(y as isize).followers[layer];
             for tx in 0..TILE {
                 let x = (column * CELL + tx)
                     .checked_sub(HALO)
@@ -213,7 +218,7 @@ impl PixelRow<'_> {
             weight: self.prepared.weight[x],
             variance,
             tolerance: self.prepared.tolerance[x],
-            state: state(self.colours.good[x], variance),
+            state: state(self.colours.good[x], variance, self.colours.empty[x]),
         }
     }
 
@@ -226,6 +231,7 @@ impl PixelRow<'_> {
     ) {
         let [r, g, b] = self.colours.colour.each_ref().map(|c| &c[columns.clone()]);
         let good = &self.colours.good[columns.clone()];
+        let empty = &self.colours.empty[columns.clone()];
         let PreparedRow {
             weight,
             variance,
@@ -234,9 +240,9 @@ impl PixelRow<'_> {
         } = self.prepared;
         let [weight, variance, tolerance] =
             [weight, variance, tolerance].map(|plane| &plane[columns.clone()]);
-        let colours = r.iter().zip(g).zip(b).zip(good);
+        let colours = r.iter().zip(g).zip(b).zip(good).zip(empty);
         let rest = weight.iter().zip(variance).zip(tolerance);
-        for (pixel, ((((r, g), b), good), ((weight, variance), tolerance))) in
+        for (pixel, (((((r, g), b), good), empty), ((weight, variance), tolerance))) in
             pixels.iter_mut().zip(colours.zip(rest))
         {
             *pixel = Pixel {
@@ -245,7 +251,7 @@ impl PixelRow<'_> {
                 weight: *weight,
                 variance: *variance,
                 tolerance: *tolerance,
-                state: state(*good, *variance),
+                state: state(*good, *variance, *empty),
             };
         }
         variances.fill([0.0; TILE_FEATURES]);
@@ -267,10 +273,10 @@ impl PixelRow<'_> {
     }
 }
 
-fn state(good: f32, variance: f32) -> PixelState {
+fn state(good: f32, variance: f32, empty: bool) -> PixelState {
     if good == 0.0 {
         PixelState::Bad
-    } else if variance == 0.0 {
+    } else if variance == 0.0 || empty {
         PixelState::Clean
     } else {
         PixelState::Noisy

@@ -23,7 +23,7 @@ use crate::error::Error;
 use crate::row::{OutputRow, RowLayout, RowSink, RowSource};
 use crate::stream::finish::{self, Finish};
 use crate::stream::instruction_set::InstructionSet;
-use crate::stream::preparation::{LOOK_BELOW, Preparation, halo};
+use crate::stream::preparation::{INPUT_HALO, LOOK_BELOW, Preparation};
 use crate::stream::report::{Counts, Report};
 use crate::stream::resolved_row::{ResolvedRow, rows_per_thread};
 use crate::stream::row_of_cells::CellBenches;
@@ -62,13 +62,10 @@ impl Default for Options {
     }
 }
 
-/// Rows above or below a pixel that it can depend on, for an image whose rows hold `layout`: it lies in the halo of a cell, the
+/// Rows above or below a pixel, or columns beside it, that it can depend on: it lies in the halo of a cell, the
 /// cell's windows reach as far again, and what they read was prepared from a halo of its own; the stages
-/// after the blend reach further.
-pub(crate) fn reach(layout: &RowLayout) -> usize {
-    // counted from a pixel of the halo: to the far edge of the cell, and what lies beyond that
-    HALO + CELL + LOOK_BELOW + halo(layout) + finish::LOOK_BELOW
-}
+/// after the blend reach further. Counted from a pixel of the halo: to the far edge of the cell, and what lies beyond that.
+pub(crate) const REACH: usize = HALO + CELL + LOOK_BELOW + INPUT_HALO + finish::LOOK_BELOW;
 
 /// Bytes that denoising an image takes at most, beside the source and the sink.
 pub(crate) fn bytes(layout: &RowLayout, options: &Options) -> u64 {
@@ -224,9 +221,7 @@ impl Pipeline {
                 own.clear();
             });
         for row in resolved {
-            self.report.counts.passed_through += row.counts.passed_through;
-            self.report.counts.repaired += row.counts.repaired;
-            self.report.counts.fireflies += row.counts.fireflies;
+            self.report.counts.add_rows(&row.counts);
         }
         self.blended += rows;
     }

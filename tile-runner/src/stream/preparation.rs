@@ -12,12 +12,12 @@ use crate::row::{InputRow, RowLayout, RowSource};
 use crate::stream::fireflies::Fireflies;
 use crate::stream::held_rows::{ColourRow, GuideRow, HeldRows};
 use crate::stream::instruction_set::InstructionSet;
-use crate::stream::missing_variances::Missing;
+use crate::stream::missing_variances::{MISSING_HALO, Missing};
 use crate::stream::neighbourhood::{Neighbourhood, prepared_from};
 use crate::stream::prepared_rows::{BLOCK_HALO, BlockBench, PreparedRows};
 use crate::stream::report::Counts;
 
-/// Rows below a row of cells that its pixels depend on, beside those of [`halo`].
+/// Rows below a row of cells that its pixels depend on, beside [`INPUT_HALO`].
 pub(crate) const LOOK_BELOW: usize = HALO + BLOCK_HALO;
 
 /// Rows above the next row of cells of which more than the colours is held: what is prepared next begins
@@ -68,15 +68,14 @@ impl Preparation {
 
     /// Bytes that it takes at most, on `threads` threads.
     pub(crate) fn bytes(layout: &RowLayout, threads: u64, vary: bool) -> u64 {
-        let missing = Missing::of(layout);
-        let below = 2 * CELL + halo(layout);
+        let below = 2 * CELL + INPUT_HALO;
         [
             ColourRow::bytes(layout, HALO + below),
             GuideRow::bytes(layout, guides_above(vary) + below),
             Fireflies::bytes(layout),
             PreparedRows::bytes(layout, vary).saturating_mul(2),
             InputRow::bytes(layout),
-            missing.working_bytes(threads),
+            Missing::working_bytes(threads),
             threads.saturating_mul(size_of::<BlockBench>() as u64),
         ]
         .into_iter()
@@ -85,7 +84,7 @@ impl Preparation {
 
     /// Reads all that row `row` of cells depends on.
     pub(crate) fn read(&mut self, source: &mut dyn RowSource, row: usize) -> Result<(), Error> {
-        let end = needed(row) + halo(&self.layout);
+        let end = needed(row) + INPUT_HALO;
         while self.held.next() < end.min(self.layout.size.height()) {
             source.read_row(self.held.next(), &mut self.input)?;
             self.held.push(&self.input);
@@ -141,11 +140,9 @@ impl Preparation {
 
 /// Rows around others that must be there before anything is made of them: variances are estimated from some, and fireflies are told by
 /// those around each.
-pub(crate) fn halo(layout: &RowLayout) -> usize {
-    Missing::of(layout).halo() + FIREFLY_HALO
-}
+pub(crate) const INPUT_HALO: usize = MISSING_HALO + FIREFLY_HALO;
 
-/// The end of the rows that row `row` of cells depends on, beside those of [`halo`].
+/// The end of the rows that row `row` of cells depends on, beside [`INPUT_HALO`].
 fn needed(row: usize) -> usize {
     (row + 1) * CELL + LOOK_BELOW
 }

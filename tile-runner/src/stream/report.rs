@@ -4,6 +4,8 @@ use std::time::Duration;
 
 use linpred_core::PixelState;
 
+use crate::stream::held_rows::ColourRow;
+
 /// What a run did, and what it could leave.
 #[derive(Clone, Copy, Debug, Default)]
 #[non_exhaustive]
@@ -17,6 +19,19 @@ pub struct Report {
 }
 
 impl Report {
+    /// Adds the report of another picture.
+    pub fn add(&mut self, other: &Self) {
+        let (own, more) = (&mut self.counts, &other.counts);
+        own.pixels += more.pixels;
+        own.cells += more.cells;
+        own.cells_skipped += more.cells_skipped;
+        own.feature_blocks += more.feature_blocks;
+        own.feature_blocks_skipped += more.feature_blocks_skipped;
+        own.add_rows(more);
+        self.models += other.models;
+        self.fitting += other.fitting;
+    }
+
     /// What the skipped cells would have taken of a thread's time, had each taken the mean of the others. `None` where none was skipped, or
     /// none was fitted that would tell.
     pub fn saved(&self) -> Option<Duration> {
@@ -34,12 +49,14 @@ impl Report {
 pub struct Counts {
     /// Pixels of the image.
     pub pixels: u64,
-    /// Pixels of zero variance, passed through as they came.
+    /// Pixels of zero variance, and black ones where the features say that nothing is there, passed through as they came.
     pub passed_through: u64,
     /// Pixels with a NaN or infinite colour, predicted from their neighbours.
     pub repaired: u64,
     /// Pixels far brighter than all around by no more than a sample, predicted from their neighbours.
     pub fireflies: u64,
+    /// Pixels of an image with variances that have none that is known: theirs is estimated from the picture.
+    pub estimated: u64,
     /// Cells of 19 x 19 pixels.
     pub cells: u64,
     /// Of those, the ones that hold no noise: nothing is fitted in them.
@@ -51,10 +68,20 @@ pub struct Counts {
 }
 
 impl Counts {
-    /// Counts a pixel of the image, which may be bad because it is a firefly.
-    pub(crate) fn add_pixel(&mut self, state: PixelState, is_firefly: bool) {
+    /// Counts pixel `x` of a row, which is in this state.
+    pub(crate) fn add_pixel(&mut self, state: PixelState, row: &ColourRow, x: usize) {
+        let is_firefly = row.firefly[x];
         self.passed_through += u64::from(state == PixelState::Clean);
         self.repaired += u64::from(state == PixelState::Bad && !is_firefly);
         self.fireflies += u64::from(is_firefly);
+        self.estimated += u64::from(row.estimated[x]);
+    }
+
+    /// Adds what was counted in rows of the same image.
+    pub(crate) fn add_rows(&mut self, rows: &Self) {
+        self.passed_through += rows.passed_through;
+        self.repaired += rows.repaired;
+        self.fireflies += rows.fireflies;
+        self.estimated += rows.estimated;
     }
 }

@@ -37,7 +37,7 @@ impl CellBenches {
     pub(crate) fn new(layout: &RowLayout, threads: NonZeroUsize, vary: bool) -> Self {
         Self {
             benches: (0..threads.get())
-                .map(|_| Bench::new(layout.layers, vary))
+                .map(|_| Bench::new(layout.followers(), vary))
                 .collect(),
             columns: layout.size.width().div_ceil(CELL),
         }
@@ -45,7 +45,7 @@ impl CellBenches {
 
     /// Bytes of the benches for `threads` threads.
     pub(crate) fn bytes(layout: &RowLayout, threads: u64, vary: bool) -> u64 {
-        threads.saturating_mul(Bench::bytes(layout.layers, vary) as u64)
+        threads.saturating_mul(Bench::bytes(layout.followers(), vary) as u64)
     }
 
     /// Denoises a row of cells and adds their predictions to `sums`; counts what that took.

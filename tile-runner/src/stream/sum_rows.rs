@@ -10,8 +10,8 @@ use crate::row::RowLayout;
 /// Sums of a row of pixels.
 pub(crate) struct SumRow {
     pub(crate) colour: Vec<Sum>,
-    /// Of each layer, red green blue.
-    pub(crate) layers: Vec<Vec<[f32; 3]>>,
+    /// Of each triple of channels that follow the colour.
+    pub(crate) followers: Vec<Vec<[f32; 3]>>,
 }
 
 impl SumRow {
@@ -19,14 +19,14 @@ impl SumRow {
         let width = layout.size.width();
         Self {
             colour: vec![Sum::NONE; width],
-            layers: vec![vec![[0.0; 3]; width]; layout.layers],
+            followers: vec![vec![[0.0; 3]; width]; layout.followers()],
         }
     }
 
     /// Forgets the predictions.
     pub(crate) fn clear(&mut self) {
         self.colour.fill(Sum::NONE);
-        for layer in &mut self.layers {
+        for layer in &mut self.followers {
             layer.fill([0.0; 3]);
         }
     }
@@ -44,7 +44,7 @@ impl SumRow {
 
     /// Adds all of `other` and leaves it without predictions.
     pub(crate) fn take(&mut self, other: &mut Self) {
-        self.add_from(0, &other.colour, other.layers.iter().map(Vec::as_slice));
+        self.add_from(0, &other.colour, other.followers.iter().map(Vec::as_slice));
         other.clear();
     }
 
@@ -58,7 +58,7 @@ impl SumRow {
         for (sum, own) in self.colour[first..].iter_mut().zip(colour) {
             sum.add(own);
         }
-        for (sums, layer) in self.layers.iter_mut().zip(layers) {
+        for (sums, layer) in self.followers.iter_mut().zip(layers) {
             let values = layer.as_flattened();
             for (sum, value) in sums[first..].as_flattened_mut().iter_mut().zip(values) {
                 *sum += value;
@@ -95,7 +95,7 @@ impl SumRows {
 
     /// Bytes of the sums.
     pub(crate) fn bytes(layout: &RowLayout) -> u64 {
-        let planes = size_of::<Sum>() / size_of::<f32>() + 3 * layout.layers;
+        let planes = size_of::<Sum>() / size_of::<f32>() + 3 * layout.followers();
         plane_bytes(layout.size, TILE + OVERLAP, planes)
     }
 

@@ -119,7 +119,7 @@ impl Findings {
         for (x, variance) in variances.iter().enumerate() {
             let pixel = row.pixel::<0>(x);
             let is_firefly = row.colours.firefly[x];
-            self.counts.add_pixel(pixel.state, is_firefly);
+            self.counts.add_pixel(pixel.state, row.colours, x);
             if pixel.state == PixelState::Bad {
                 let first = match is_firefly {
                     true => &mut self.first_firefly,

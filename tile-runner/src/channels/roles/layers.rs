@@ -1,10 +1,12 @@
-//! Colour layers that are denoised with the models of the colour, chosen by name.
+//! Layers that are denoised with the models of the colour, chosen by name.
 
 use wildmatch::WildMatch;
 
+use crate::channels::identifiers::{Cryptomattes, is_identifier, is_integer};
 use crate::channels::names::{ChannelNames, ChannelRef};
 use crate::channels::presets::{Components, Role};
-use crate::channels::roles::Roles;
+use crate::channels::roles::search::is_noise;
+use crate::channels::roles::{Roles, in_words};
 use crate::channels::variance::Variance;
 use crate::error::{Error, Setting};
 
@@ -13,16 +15,19 @@ use crate::error::{Error, Setting};
 pub struct Layer {
     /// Its name.
     pub name: String,
-    /// Red, green, blue.
-    pub channels: [ChannelRef; 3],
+    /// Red, green, blue; or the channels of a layer that is no light (a depth, a mask, a vector), each on its own.
+    pub channels: Vec<ChannelRef>,
+    /// Whether it is light, which follows the colour in all that is done to it.
+    pub is_light: bool,
     /// Its own variance is not used; only [`Variance::OtherFile`] matters, for the average of the halves.
     pub variance: Variance,
 }
 
 /// The layers of file 0 that match one of `patterns` (`*` any text, `?` any letter), with or without what stands before
-/// the layer's last dot. The colour itself and channels in other roles are passed over where a pattern has a wildcard.
+/// the layer's last dot. A pattern with a wildcard is for light, and passes over the colour itself, channels in other roles, noise and identifiers; a
+/// name alone may be that of a channel, or of a layer that is no light.
 ///
-/// [`Error::Setting`] for a pattern that matches nothing, [`Error::Invalid`] for a layer of another data window.
+/// [`Error::Setting`] for a pattern that matches nothing or an identifier, [`Error::Invalid`] for a layer of another data window.
 pub(crate) fn select(
     names: &ChannelNames,
     roles: &Roles,
@@ -30,64 +35,145 @@ pub(crate) fn select(
 ) -> Result<Vec<Layer>, Error> {
     let mut chosen: Vec<Layer> = Vec::new();
     for pattern in patterns {
-        let glob = WildMatch::new(pattern);
-        let wild = pattern.contains(['*', '?']);
-        let before = chosen.len();
-        let mut repeated = false;
-        for name in names.layers(0) {
-            let last = name.rsplit('.').next().unwrap_or(name);
-            if name.is_empty() || !(glob.matches(name) || glob.matches(last)) {
-                continue;
-            }
-            let Some(channels) = names.components(0, name, Components::Colour.triples()) else {
-                continue;
-            };
-            let already = chosen.iter().any(|layer| layer.channels == channels);
-            repeated |= already;
-            if channels == roles.colour || already || (wild && in_a_role(roles, &channels)) {
-                continue;
-            }
-            chosen.push(layer(names, roles, name, channels)?);
+        let found = match pattern.contains(['*', '?']) {
+            true => matching(names, roles, pattern),
+            false => named(names, roles, pattern)?,
+        };
+        if found.is_empty() {
+            let path = names.files()[0].path().display();
+            let problem = format!("{path} has no such layer beside its colour");
+            return Err(wrong(pattern, problem));
         }
-        if chosen.len() == before && !repeated {
-            return Err(Error::Setting {
-                setting: Setting::Layers,
-                value: pattern.clone(),
-                problem: format!(
-                    "{} has no such layer with channels R G B beside its colour",
-                    names.files()[0].path().display()
-                ),
-            });
+        for layer in found {
+            check_window(names, roles, &layer)?;
+            let already =
+                |known: &Layer| layer.channels.iter().any(|at| known.channels.contains(at));
+            if !chosen.iter().any(already) {
+                chosen.push(layer);
+            }
         }
     }
     Ok(chosen)
 }
 
-fn in_a_role(roles: &Roles, channels: &[ChannelRef; 3]) -> bool {
+/// The light that matches a pattern with wildcards.
+fn matching(names: &ChannelNames, roles: &Roles, pattern: &str) -> Vec<Layer> {
+    let glob = WildMatch::new(pattern);
+    let file = &names.files()[0];
+    let cryptomattes = Cryptomattes::of(file);
+    let mut found = Vec::new();
+    for name in names.layers(0) {
+        let last = name.rsplit('.').next().unwrap_or(name);
+        if name.is_empty() || !(glob.matches(name) || glob.matches(last)) {
+            continue;
+        }
+        let untouched = cryptomattes.has(name) || is_identifier(name) || is_noise(name);
+        let Some(channels) = names.components(0, name, Components::Colour.triples()) else {
+            continue;
+        };
+        let integers = channels.iter().any(|at| is_integer(file, *at));
+        if untouched || integers || has_a_role(roles, &channels) {
+            continue;
+        }
+        found.extend(layer(names, roles, name, channels.to_vec(), true).ok());
+    }
+    found
+}
+
+/// The layers, or else the channel, of this name.
+fn named(names: &ChannelNames, roles: &Roles, wanted: &str) -> Result<Vec<Layer>, Error> {
+    let cryptomattes = Cryptomattes::of(&names.files()[0]);
+    let mut found: Vec<Layer> = Vec::new();
+    for name in names.layers(0) {
+        let last = name.rsplit('.').next().unwrap_or(name);
+        if name.is_empty() || (name != wanted && last != wanted) {
+            continue;
+        }
+        if cryptomattes.has(name) || is_identifier(name) {
+            return Err(wrong(
+                wanted,
+                "holds identifiers, which are kept as they are".into(),
+            ));
+        }
+        let light = names.components(0, name, Components::Colour.triples());
+        let is_light = light.is_some();
+        let inside = names.in_file(0).filter(|own| own.layer == name);
+        let channels = light.map_or_else(|| inside.map(|own| own.at).collect(), Vec::from);
+        let is_colour = channels
+            .iter()
+            .any(|at| roles.colour.contains(at) || roles.target.contains(at));
+        if !is_colour {
+            found.push(layer(names, roles, name, channels, is_light)?);
+        }
+    }
+    let channel = names
+        .channel(0, wanted)
+        .filter(|at| !roles.colour.contains(at));
+    if let Some(at) = channel.filter(|_| found.is_empty()) {
+        if is_identifier(wanted) {
+            return Err(wrong(
+                wanted,
+                "holds identifiers, which are kept as they are".into(),
+            ));
+        }
+        found.push(layer(names, roles, wanted, vec![at], false)?);
+    }
+    // the alpha is denoised in any case
+    found.retain(|layer| {
+        !layer.channels.iter().any(|at| roles.alpha == Some(*at)) || layer.is_light
+    });
+    if found.is_empty() && channel.is_some_and(|at| roles.alpha == Some(at)) {
+        return Ok(vec![]);
+    }
+    let integers = found.iter().flat_map(|layer| &layer.channels);
+    match integers
+        .into_iter()
+        .find(|at| is_integer(&names.files()[0], **at))
+    {
+        None => Ok(found),
+        Some(_) => Err(wrong(
+            wanted,
+            "holds integers, which are kept as they are".into(),
+        )),
+    }
+}
+
+fn wrong(pattern: &str, problem: String) -> Error {
+    Error::Setting {
+        setting: Setting::Layers,
+        value: pattern.to_owned(),
+        problem,
+    }
+}
+
+/// Whether the channels are those of the colour, or one of them has another role.
+fn has_a_role(roles: &Roles, channels: &[ChannelRef; 3]) -> bool {
     let others = roles.assignments.iter().filter(|a| a.role != Role::Colour);
-    others
-        .flat_map(|a| &a.channels)
-        .any(|at| channels.contains(at))
+    let mut others = others.flat_map(|a| &a.channels);
+    *channels == roles.colour || *channels == roles.target || others.any(|at| channels.contains(at))
+}
+
+fn check_window(names: &ChannelNames, roles: &Roles, layer: &Layer) -> Result<(), Error> {
+    let window = |at: ChannelRef| names.files()[at.file].parts()[at.part].data_window();
+    let colour = window(roles.colour[0]);
+    match layer.channels.iter().find(|at| window(**at) != colour) {
+        None => Ok(()),
+        Some(odd) => Err(Error::Invalid(format!(
+            "{}: its data window is {}, the colour's {}",
+            names.place(*odd),
+            in_words(window(*odd)),
+            in_words(colour)
+        ))),
+    }
 }
 
 fn layer(
     names: &ChannelNames,
     roles: &Roles,
     name: &str,
-    channels: [ChannelRef; 3],
+    channels: Vec<ChannelRef>,
+    is_light: bool,
 ) -> Result<Layer, Error> {
-    let window = |at: ChannelRef| names.files()[at.file].parts()[at.part].data_window();
-    if let Some(odd) = channels
-        .iter()
-        .find(|at| window(**at) != window(roles.colour[0]))
-    {
-        return Err(Error::Invalid(format!(
-            "{}: its data window {:?} is not the colour's, {:?}",
-            names.place(*odd),
-            window(*odd),
-            window(roles.colour[0])
-        )));
-    }
     let variance = match &roles.variance {
         Variance::OtherFile(twins) => {
             let other = twins[0].file;
@@ -99,6 +185,7 @@ fn layer(
     Ok(Layer {
         name: name.to_owned(),
         channels,
+        is_light,
         variance,
     })
 }

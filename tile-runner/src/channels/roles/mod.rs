@@ -7,6 +7,9 @@ mod variances;
 
 pub use mapping::Mapping;
 
+use std::sync::Arc;
+
+use exr::meta::attribute::IntegerBounds;
 use linpred_core::Feature;
 
 use crate::channels::names::{ChannelNames, ChannelRef};
@@ -14,6 +17,8 @@ use crate::channels::presets::{COMMON, Preset, Role};
 use crate::channels::samples::{self, Samples};
 use crate::channels::variance::{Meaning, Variance};
 use crate::error::{Error, Setting};
+use crate::exr_file::ExrFile;
+use crate::exr_file::attributes::{NOISE_ATTRIBUTE, VERSION_ATTRIBUTE};
 
 /// What the user asked for.
 #[derive(Clone, Debug, Default)]
@@ -54,21 +59,35 @@ pub struct FeatureChannels {
     pub variance: Variance,
 }
 
-/// All roles of an input.
+/// All roles of a picture.
 #[derive(Clone, Debug)]
 pub struct Roles {
     /// Every assignment, the colour first.
     pub assignments: Vec<Assignment>,
     /// The colour; three times the same channel for a mono image.
     pub colour: [ChannelRef; 3],
+    /// The channels that the denoised colour goes into: its own, or those that the renderer's own denoiser writes.
+    pub target: [ChannelRef; 3],
+    /// The alpha, if the colour has one.
+    pub alpha: Option<ChannelRef>,
+    /// The channel that the denoised alpha goes into.
+    pub alpha_target: Option<ChannelRef>,
     /// Noise of the colour.
     pub variance: Variance,
+    /// Whether a variance of 0 says that nothing is known of the noise, and not that there is none.
+    pub zero_is_unknown: bool,
     /// The features that the image has.
     pub features: Vec<FeatureChannels>,
     /// Samples per pixel, if anything says.
     pub samples: Option<Samples>,
+    /// What stands before the names of the picture's layers: that of a view layer and a dot, or nothing.
+    pub prefix: String,
+    /// The view that the picture is of, in a file with several.
+    pub view: Option<Arc<str>>,
     /// What was left aside, and why.
     pub notes: Vec<String>,
+    /// What a user should know: what cannot be used although it is there.
+    pub warnings: Vec<String>,
 }
 
 impl Roles {
@@ -86,31 +105,105 @@ impl Roles {
     pub fn mono(&self) -> bool {
         self.colour[0] == self.colour[1]
     }
+
+    /// What tells the picture from others of its file: `view "right"`, `view layer "Back"`. Empty in a file with one.
+    pub fn label(&self) -> String {
+        let layer = self.prefix.trim_end_matches('.');
+        let layer = (!layer.is_empty()).then(|| format!("view layer {layer:?}"));
+        let view = self.view.as_ref().map(|view| format!("view {view:?}"));
+        let words: Vec<String> = layer.into_iter().chain(view).collect();
+        words.join(", ")
+    }
 }
 
-/// Assigns the roles of file 0 of `names`.
+/// Assigns the roles of the pictures of file 0 of `names`: of each of its views, and in each of its view layers, which see only their own channels. The
+/// first is that which is shown by default. Where the user maps the colour it is the only one.
 ///
 /// [`Error::Setting`] when a channel of [`RoleRequest::map`] is not there; [`Error::Invalid`] when there is no colour; [`Error::Incomplete`] when it may be one of
 /// several, when a variance needs the number of samples and nothing states it, or when second moments are stored in half precision.
-pub(crate) fn resolve(names: &ChannelNames, request: &RoleRequest) -> Result<Roles, Error> {
-    let mut search = Search::new(names, request);
-    for role in Role::ALL {
-        search.assign(role)?;
+pub(crate) fn resolve(
+    names: &ChannelNames,
+    request: &RoleRequest,
+) -> Result<Vec<(ChannelNames, Roles)>, Error> {
+    let mapped = request.map.iter().rev().find(|m| m.role == Role::Colour);
+    let only = match mapped.filter(|mapping| mapping.target != "none") {
+        Some(mapping) => {
+            let colour = Search::new(names, request, None).mapped(mapping)?;
+            names.view(colour.channels[0])
+        }
+        None => None,
+    };
+    let views: Vec<Option<Arc<str>>> = match (&only, names.views()) {
+        (None, []) => vec![None],
+        (None, [first, ..]) if mapped.is_some() => vec![Some(first.clone())],
+        (None, all) => all.iter().cloned().map(Some).collect(),
+        (Some(_), _) => vec![only],
+    };
+    let mut pictures = Vec::new();
+    let mut failures = Vec::new();
+    for view in views {
+        let own = view
+            .as_ref()
+            .map_or_else(|| names.clone(), |view| names.of_view(view));
+        match resolve_view(&own, request, view.as_ref()) {
+            Ok(found) => pictures.extend(found.into_iter().map(|roles| (own.clone(), roles))),
+            Err(error) => failures.push((view, error)),
+        }
     }
-    search.drop_odd_sizes()?;
-    search.finish()
+    let mut failures = failures.into_iter();
+    let Some((_, first)) = pictures.first_mut() else {
+        let (_, error) = failures
+            .next()
+            .expect("there is a view, or none, that failed");
+        return Err(error);
+    };
+    first.warnings.extend(failures.map(|(view, error)| {
+        format!(
+            "view {:?} stays noisy: {error}",
+            view.as_deref().unwrap_or_default()
+        )
+    }));
+    Ok(pictures)
+}
+
+/// The pictures of a view: one, or one of each view layer.
+fn resolve_view(
+    names: &ChannelNames,
+    request: &RoleRequest,
+    view: Option<&Arc<str>>,
+) -> Result<Vec<Roles>, Error> {
+    let mut search = Search::new(names, request, None);
+    search.assign(Role::Colour)?;
+    let prefixes = search
+        .get(Role::Colour)
+        .and_then(|colour| search.prefixes(colour));
+    let prefixes = prefixes.map_or_else(|| vec![None], |all| all.into_iter().map(Some).collect());
+    let picture = |prefix: Option<String>| {
+        let mut search = Search::new(names, request, prefix);
+        for role in Role::ALL {
+            search.assign(role)?;
+        }
+        search.check_windows()?;
+        search.finish(view.cloned())
+    };
+    prefixes.into_iter().map(picture).collect()
 }
 
 struct Search<'a> {
     names: &'a ChannelNames,
     request: &'a RoleRequest,
     presets: Vec<(&'static Preset, String)>,
+    /// What must stand before the colour's layer, once that is known.
+    prefix: Option<String>,
+    /// Channels that tell of the noise of what an earlier run has denoised.
+    outdated: Vec<String>,
     found: Vec<Assignment>,
     notes: Vec<String>,
+    warnings: Vec<String>,
 }
 
 impl<'a> Search<'a> {
-    fn new(names: &'a ChannelNames, request: &'a RoleRequest) -> Self {
+    fn new(names: &'a ChannelNames, request: &'a RoleRequest, prefix: Option<String>) -> Self {
         let file = &names.files()[0];
         let mut presets = Vec::new();
         if let Some(chosen) = request.preset {
@@ -130,8 +223,11 @@ impl<'a> Search<'a> {
             names,
             request,
             presets,
+            prefix,
+            outdated: outdated(file),
             found: Vec::new(),
             notes: Vec::new(),
+            warnings: Vec::new(),
         }
     }
 
@@ -148,38 +244,82 @@ impl<'a> Search<'a> {
             }
             return Ok(());
         }
-        let ruled = self.presets.iter().find_map(|(preset, why)| {
-            let rules = preset.rules.iter().filter(|rule| rule.role == role);
-            rules
-                .flat_map(|rule| rule.patterns.iter().map(move |pattern| (rule, pattern)))
-                .find_map(|(rule, pattern)| {
-                    let (channels, which) = self
-                        .matched(rule, *pattern)
-                        .filter(|(channels, _)| self.decodable(channels))?;
-                    let rule = Assignment {
-                        role,
-                        channels,
-                        meaning: rule.meaning,
-                        rule: format!("{why}: {which}"),
-                        by_user: false,
-                    };
-                    Some(rule)
-                })
-        });
+        let (ruled, refused) = self.ruled(role);
+        // what stands in for a layer that is there is worth a word, and what nothing stands in for more
+        self.warnings.extend(refused);
         match ruled {
             Some(assignment) => self.found.push(assignment),
             None if role == Role::Colour => {
                 let assignment = self.only_colour()?;
                 self.found.push(assignment);
             }
-            None => {}
+            None => {
+                let alpha = self.colours_alpha().filter(|_| role == Role::Alpha);
+                self.found.extend(alpha);
+            }
         }
         Ok(())
     }
 
-    /// Channels must be of the colour's data window. Those that a rule chose are dropped with a note, those that the user
-    /// chose are an error.
-    fn drop_odd_sizes(&mut self) -> Result<(), Error> {
+    /// What the presets' rules find for a role, and why what they would rather have cannot be used.
+    fn ruled(&self, role: Role) -> (Option<Assignment>, Option<String>) {
+        let mut refused = None;
+        for (preset, why) in &self.presets {
+            let rules = preset.rules.iter().filter(|rule| rule.role == role);
+            for (rule, pattern) in
+                rules.flat_map(|rule| rule.patterns.iter().map(move |p| (rule, *p)))
+            {
+                let Some((channels, which)) = self.matched(rule, pattern) else {
+                    continue;
+                };
+                if channels.iter().any(|at| self.is_outdated(*at)) {
+                    continue;
+                }
+                if let Some(at) = self.undecodable(&channels) {
+                    refused.get_or_insert_with(|| self.not_used(role, at));
+                    continue;
+                }
+                let assignment = Assignment {
+                    role,
+                    channels,
+                    meaning: rule.meaning,
+                    rule: format!("{why}: {which}"),
+                    by_user: false,
+                };
+                return (Some(assignment), refused);
+            }
+        }
+        (None, refused)
+    }
+
+    fn is_outdated(&self, at: ChannelRef) -> bool {
+        !self.outdated.is_empty() && self.outdated.contains(&self.names.name(at))
+    }
+
+    /// Why a channel that would have a role has none.
+    fn not_used(&self, role: Role, at: ChannelRef) -> String {
+        let part = &self.names.files()[at.file].parts()[at.part];
+        let reason = part.refusal.as_ref().map(ToString::to_string);
+        let (role, name) = (role.name(), self.names.name(at));
+        let (label, reason) = (part.label(), reason.unwrap_or_default());
+        format!("{role} {name:?} not used: {label}: {reason}")
+    }
+
+    /// The alpha of the colour's layer.
+    fn colours_alpha(&self) -> Option<Assignment> {
+        let colour = self.get(Role::Colour)?.channels[0];
+        let alpha = self.alpha_of(self.layer_of(colour), colour)?;
+        Some(Assignment {
+            role: Role::Alpha,
+            channels: vec![alpha],
+            meaning: Meaning::OfMean,
+            rule: "of the colour's layer".into(),
+            by_user: false,
+        })
+    }
+
+    /// A colour's channels and its alpha must be of one data window. What else has another is used where it is, unless that is nowhere in the colour's.
+    fn check_windows(&mut self) -> Result<(), Error> {
         let files = self.names.files();
         let window = |at: ChannelRef| files[at.file].parts()[at.part].data_window();
         let Some(colour) = self.get(Role::Colour).map(|a| window(a.channels[0])) else {
@@ -187,26 +327,40 @@ impl<'a> Search<'a> {
         };
         let mut kept = Vec::new();
         for assignment in std::mem::take(&mut self.found) {
-            let Some(odd) = assignment.channels.iter().find(|at| window(**at) != colour) else {
+            let odd = assignment.channels.iter().find(|at| window(**at) != colour);
+            let Some(&odd) = odd else {
                 kept.push(assignment);
                 continue;
             };
-            let place = self.names.place(*odd);
-            let reason = format!(
-                "{place}: its data window {:?} is not the colour's, {colour:?}",
-                window(*odd)
+            let (place, own) = (self.names.place(odd), window(odd));
+            let differs = format!(
+                "{place}: its data window is {}, the colour's {}",
+                in_words(own),
+                in_words(colour)
             );
-            if assignment.role == Role::Colour || assignment.by_user {
-                return Err(Error::Invalid(reason));
+            let role = assignment.role;
+            let overlaps = overlap(own, colour);
+            if matches!(role, Role::Colour | Role::Alpha) || (assignment.by_user && !overlaps) {
+                return Err(Error::Invalid(differs));
             }
-            self.notes
-                .push(format!("{} not used: {reason}", assignment.role.name()));
+            if overlaps {
+                if !own.contains(colour) {
+                    self.warnings.push(format!(
+                        "{} is not known everywhere: {differs}",
+                        role.name()
+                    ));
+                }
+                kept.push(assignment);
+            } else {
+                self.warnings
+                    .push(format!("{} not used: {differs}", role.name()));
+            }
         }
         self.found = kept;
         Ok(())
     }
 
-    fn finish(mut self) -> Result<Roles, Error> {
+    fn finish(mut self, view: Option<Arc<str>>) -> Result<Roles, Error> {
         let colour = triple(self.get(Role::Colour)).ok_or_else(|| Error::Setting {
             setting: Setting::Map,
             value: "colour=none".into(),
@@ -226,13 +380,33 @@ impl<'a> Search<'a> {
         let features = features
             .filter_map(|feature| self.feature(feature, samples.as_ref()))
             .collect();
+        let given = matches!(variance, Variance::Given { .. });
+        let zero_is_unknown = given && self.presets.iter().any(|(p, _)| p.zero_is_unknown);
+        let alpha = self.get(Role::Alpha).map(|alpha| alpha.channels[0]);
+        let (target, alpha_target) = match self.shown(colour[0]) {
+            None => (colour, alpha),
+            Some((shown, layer)) => {
+                let own = self.alpha_of(&layer, colour[0]);
+                (shown, alpha.and(own))
+            }
+        };
         Ok(Roles {
             colour,
+            target,
+            alpha: alpha.filter(|_| alpha_target.is_some()),
+            alpha_target,
+            prefix: self.colour_prefix().to_owned(),
+            view,
             variance,
+            zero_is_unknown,
             features,
             samples,
             assignments: self.found,
             notes: self.notes,
+            warnings: already_denoised(&names.files()[0])
+                .into_iter()
+                .chain(self.warnings)
+                .collect(),
         })
     }
 }
@@ -253,6 +427,60 @@ impl Search<'_> {
             variance,
         })
     }
+}
+
+/// The channels that an output of linpred says to be of its input's noise.
+fn outdated(file: &ExrFile) -> Vec<String> {
+    let marks = file
+        .parts()
+        .iter()
+        .filter_map(|part| part.attributes.string(NOISE_ATTRIBUTE));
+    let mut names: Vec<String> = marks
+        .flat_map(|names| names.split(", "))
+        .map(str::to_owned)
+        .collect();
+    names.sort();
+    names.dedup();
+    names
+}
+
+/// Says that a file is an output of linpred already.
+fn already_denoised(file: &ExrFile) -> Option<String> {
+    let mut versions = file
+        .parts()
+        .iter()
+        .filter_map(|part| part.attributes.string(VERSION_ATTRIBUTE));
+    let version = versions.next()?;
+    let outdated = outdated(file);
+    let noise = match outdated.is_empty() {
+        true => String::new(),
+        false => format!(
+            "; {} are not used, for they tell of the noise that it had",
+            outdated.join(" ")
+        ),
+    };
+    Some(format!(
+        "was denoised by linpred {version} already: denoise what was rendered, not the result{noise}"
+    ))
+}
+
+/// A data window for people.
+pub(crate) fn in_words(window: IntegerBounds) -> String {
+    let (size, corner) = (window.size, window.position);
+    format!(
+        "{} x {} pixels at ({}, {})",
+        size.0, size.1, corner.0, corner.1
+    )
+}
+
+/// Whether two windows have a pixel in common.
+fn overlap(one: IntegerBounds, other: IntegerBounds) -> bool {
+    let apart = |a: i32, length: usize, b: i32, other: usize| {
+        let (a, b) = (i64::from(a), i64::from(b));
+        a + length as i64 <= b || b + other as i64 <= a
+    };
+    let ((x, y), (u, v)) = (one.position.into(), other.position.into());
+    !apart(x, one.size.0, u, other.size.0) && !apart(y, one.size.1, v, other.size.1)
 }
 
 /// Three channels; a single one stands for all three.

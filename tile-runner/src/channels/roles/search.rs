@@ -1,8 +1,9 @@
 //! Finds the layer that a rule or the user means.
 
 use super::{Assignment, Mapping, Search};
+use crate::channels::identifiers::is_identifier;
 use crate::channels::names::ChannelRef;
-use crate::channels::presets::{Components, MOMENT, Pattern, Role, Rule};
+use crate::channels::presets::{Components, MOMENT, Pattern, Preset, Role, Rule};
 use crate::channels::variance::Meaning;
 use crate::error::{Error, Remedy, Setting};
 
@@ -42,13 +43,33 @@ impl<'a> Search<'a> {
             }
             Components::Vector => "a layer with channels X Y Z, or three channels joined by commas",
         };
+        let target = mapping.target.as_str();
+        let inside = self.names.in_file(0).filter(|name| name.layer == target);
+        let inside: Vec<String> = inside.map(|name| format!("{:?}", name.full())).collect();
+        let known = self.names.channel(0, target);
+        let problem = if !inside.is_empty() && !target.is_empty() {
+            format!(
+                "is a layer of {path} with the channels {}; wanted is {wanted}",
+                inside.join(" ")
+            )
+        } else if let Some(at) = known {
+            let layer = self.layer_of(at);
+            let of = if layer.is_empty() {
+                String::new()
+            } else {
+                format!(" of the layer {layer:?}")
+            };
+            format!("is one channel{of} of {path}; wanted is {wanted}")
+        } else {
+            format!(
+                "{path} has no such channel or layer (wanted: {wanted}); its channels are {}",
+                self.all_names()
+            )
+        };
         Error::Setting {
             setting: Setting::Map,
             value: format!("{}={}", mapping.role.name(), mapping.target),
-            problem: format!(
-                "{path} has no such channel or layer (wanted: {wanted}); its channels are {}",
-                self.all_names()
-            ),
+            problem,
         }
     }
 
@@ -88,13 +109,6 @@ impl<'a> Search<'a> {
     ) -> Option<(Vec<ChannelRef>, String)> {
         let components = rule.role.components();
         match pattern {
-            Pattern::Names(three) => {
-                let channels: Option<Vec<_>> = three
-                    .iter()
-                    .map(|name| self.names.channel(0, name))
-                    .collect();
-                Some((channels?, format!("channels {}", three.join(" "))))
-            }
             Pattern::Layer(wanted) => {
                 let layer = self.find_layer(rule.role, wanted, components)?;
                 Some((layer.1, describe_layer(&layer.0)))
@@ -133,18 +147,21 @@ impl<'a> Search<'a> {
         wanted: &str,
         components: Components,
     ) -> Option<(String, Vec<ChannelRef>)> {
-        let prefix = self.colour_prefix();
+        let prefix = match (role, &self.prefix) {
+            (Role::Colour, prefix) => prefix.as_deref().unwrap_or_default(),
+            _ => self.colour_prefix(),
+        };
         let mut layers = self.names.layers(0);
         layers.retain(|layer| !layer.starts_with(MOMENT));
-        if role != Role::Colour && !prefix.is_empty() {
-            layers.retain(|layer| layer.starts_with(prefix) || !layer.contains('.'));
+        if !prefix.is_empty() {
+            let beside = |layer: &str| {
+                layer
+                    .strip_prefix(prefix)
+                    .is_some_and(|own| !own.contains('.'))
+            };
+            layers.retain(|layer| beside(layer) || (role != Role::Colour && !layer.contains('.')));
         }
-        let called = |layer: &str| {
-            layer == wanted
-                || (!wanted.is_empty()
-                    && layer.ends_with(wanted)
-                    && layer[..layer.len() - wanted.len()].ends_with('.'))
-        };
+        let called = |layer: &str| layer == wanted || above(layer, wanted).is_some();
         let by_layer = layers
             .iter()
             .filter(|layer| called(layer))
@@ -170,8 +187,68 @@ impl<'a> Search<'a> {
         })
     }
 
+    /// What stands before the layers of the pictures that are called as `colour` is: the view layers of a Blender file. `None` where a colour has
+    /// nothing above it.
+    pub(super) fn prefixes(&self, colour: &Assignment) -> Option<Vec<String>> {
+        let layer = self.layer_of(colour.channels[0]);
+        let own = layer.rsplit_once('.').filter(|_| !colour.by_user)?.1;
+        let patterns = |preset: &Preset| {
+            let rules = preset.rules.iter().filter(|rule| rule.role == Role::Colour);
+            let patterns: Vec<Pattern> = rules.flat_map(|rule| rule.patterns).copied().collect();
+            patterns
+        };
+        let presets = self.presets.iter().map(|(preset, _)| *preset);
+        let mut presets = presets.filter(|preset| patterns(preset).iter().any(|p| p.is(own)));
+        let preset = presets.next()?;
+        let alike: Vec<Pattern> = match preset.shown {
+            Some(_) => patterns(preset),
+            None => patterns(preset).into_iter().filter(|p| p.is(own)).collect(),
+        };
+        let mut prefixes: Vec<String> = Vec::new();
+        for layer in self.names.layers(0) {
+            let found = alike.iter().find_map(|pattern| match pattern {
+                Pattern::Layer(wanted) => above(layer, wanted),
+                _ => None,
+            });
+            if let Some(prefix) = found
+                && !prefixes.iter().any(|known| known == prefix)
+                && self.layer(layer, Components::Colour).is_some()
+            {
+                prefixes.push(prefix.to_owned());
+            }
+        }
+        Some(prefixes)
+    }
+
+    /// The layer that people look at beside the colour's, if the renderer has one and it is not that.
+    pub(super) fn shown(&self, colour: ChannelRef) -> Option<([ChannelRef; 3], String)> {
+        let assignment = self.get(Role::Colour).filter(|colour| !colour.by_user)?;
+        let prefix = self.colour_prefix();
+        let shown = self.presets.iter().find_map(|(preset, _)| preset.shown)?;
+        let layer = format!("{prefix}{shown}");
+        let channels = self
+            .names
+            .components(0, &layer, Components::Colour.triples())?;
+        let part = |at: ChannelRef| &self.names.files()[at.file].parts()[at.part];
+        let alike = channels
+            .iter()
+            .all(|&at| part(at).data_window() == part(colour).data_window());
+        let other = channels[..] != assignment.channels[..];
+        (alike && other && self.decodable(&channels)).then_some((channels, layer))
+    }
+
+    /// The alpha of the layer of these channels: a component of it in the same data window.
+    pub(super) fn alpha_of(&self, layer: &str, colour: ChannelRef) -> Option<ChannelRef> {
+        let mut inside = self.names.in_file(0).filter(|name| name.layer == layer);
+        let alpha =
+            inside.find(|name| ["a", "alpha"].contains(&&*name.component.to_lowercase()))?;
+        let part = |at: ChannelRef| &self.names.files()[at.file].parts()[at.part];
+        let alike = part(alpha.at).data_window() == part(colour).data_window();
+        (alike && part(alpha.at).refusal.is_none()).then_some(alpha.at)
+    }
+
     /// `ViewLayer.` for a colour in `ViewLayer.Combined`; empty where the colour has no layer above it.
-    fn colour_prefix(&self) -> &'a str {
+    pub(super) fn colour_prefix(&self) -> &'a str {
         let Some(colour) = self.get(Role::Colour) else {
             return "";
         };
@@ -186,14 +263,20 @@ impl<'a> Search<'a> {
 
     /// Whether the parts that these channels lie in can be decoded.
     pub(super) fn decodable(&self, channels: &[ChannelRef]) -> bool {
-        let part = |at: &ChannelRef| &self.names.files()[at.file].parts()[at.part];
-        channels.iter().all(|at| part(at).refusal.is_none())
+        self.undecodable(channels).is_none()
+    }
+
+    /// The first of these channels that cannot be decoded.
+    pub(super) fn undecodable(&self, channels: &[ChannelRef]) -> Option<ChannelRef> {
+        let part = |at: ChannelRef| &self.names.files()[at.file].parts()[at.part];
+        let mut channels = channels.iter().copied();
+        channels.find(|&at| part(at).refusal.is_some())
     }
 
     /// A colour that no rule names: a luminance, the only layer with red, green and blue, or the only channel.
     pub(super) fn only_colour(&self) -> Result<Assignment, Error> {
         self.refuse_colour_differences()?;
-        let luminance = self.names.channel(0, "Y").map(|at| vec![at]);
+        let luminance = self.luminance().map(|at| vec![at]);
         if let Some(luminance) = luminance.filter(|at| self.decodable(at)) {
             return Ok(colour(luminance, "the luminance".into()));
         }
@@ -206,6 +289,15 @@ impl<'a> Search<'a> {
             return Ok(colour(only, "the only channel".into()));
         }
         Err(self.no_colour(&coloured))
+    }
+
+    /// A bare `Y` that is no component of a vector: no `X` stands beside it.
+    fn luminance(&self) -> Option<ChannelRef> {
+        let at = self.names.channel(0, "Y")?;
+        let vector = self.names.in_file(0).any(|name| {
+            (name.at.part, name.component.as_str()) == (at.part, "X") && name.layer.is_empty()
+        });
+        (!vector).then_some(at)
     }
 
     /// [`Error::Unsupported`] for a luminance with colour differences.
@@ -244,7 +336,7 @@ impl<'a> Search<'a> {
             .collect()
     }
 
-    /// The channel of a file that has no other.
+    /// The channel of a file that has no other, unless its name says that it is no light.
     fn only_channel(&self) -> Option<Vec<ChannelRef>> {
         let parts = self.names.files()[0].parts().iter();
         let mut channels =
@@ -255,7 +347,8 @@ impl<'a> Search<'a> {
             part,
             channel,
         };
-        channels.next().is_none().then(|| vec![only])
+        let alone = channels.next().is_none() && !is_no_light(&self.names.name(only));
+        alone.then(|| vec![only])
     }
 
     /// Why there is no colour, among layers that may be it.
@@ -301,8 +394,23 @@ fn describe_layer(layer: &str) -> String {
     }
 }
 
+/// What stands before `wanted` and a dot in the name of a layer.
+fn above<'b>(layer: &'b str, wanted: &str) -> Option<&'b str> {
+    let prefix = layer.strip_suffix(wanted).filter(|_| !wanted.is_empty())?;
+    prefix.ends_with('.').then_some(prefix)
+}
+
+/// Whether a channel of this name holds a depth, a position, an alpha, a variance or an identifier.
+fn is_no_light(name: &str) -> bool {
+    let component = name.rsplit('.').next().unwrap_or(name).to_ascii_lowercase();
+    let other = [
+        "z", "x", "t", "u", "v", "w", "a", "alpha", "zback", "depth", "zdepth", "mask",
+    ];
+    other.contains(&component.as_str()) || is_noise(name) || is_identifier(name)
+}
+
 /// Whether a layer is called as renderers call their variances.
-fn is_noise(layer: &str) -> bool {
+pub(super) fn is_noise(layer: &str) -> bool {
     let layer = layer.to_ascii_lowercase();
     ["variance", "mse"].iter().any(|word| layer.contains(word)) || layer.ends_with("_var")
 }

@@ -2,7 +2,7 @@
 
 use exr::meta::attribute::SampleType;
 
-use super::{Search, triple};
+use super::{Search, in_words, triple};
 use crate::channels::names::ChannelRef;
 use crate::channels::presets::Role;
 use crate::channels::samples::Samples;
@@ -67,10 +67,10 @@ impl Search<'_> {
             match window(twin) == window(at) {
                 true => Ok(twin),
                 false => Err(Error::Invalid(format!(
-                    "{}: its data window {:?} is not {:?}, that of the first image",
+                    "{}: its data window is {}, that of the first image {}: both halves must be of one picture in one size",
                     self.names.place(twin),
-                    window(twin),
-                    window(at)
+                    in_words(window(twin)),
+                    in_words(window(at))
                 ))),
             }
         };
@@ -129,7 +129,7 @@ impl Search<'_> {
         };
         if let Some(problem) = problem {
             self.found.retain(|a| a.role != role);
-            self.notes
+            self.warnings
                 .push(format!("{} not used: {problem}", role.name()));
             return Variance::None;
         }

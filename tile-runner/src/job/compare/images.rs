@@ -114,8 +114,8 @@ impl Images {
     /// [`Error::Invalid`] if sizes differ.
     pub(super) fn open(request: &CompareRequest) -> Result<Self, Error> {
         let (map, limit) = (&request.map, request.memory_limit);
-        let image = Opened::new(colour_alone(&request.image, map)?, limit)?;
-        let reference = colour_alone(&request.reference, map)?;
+        let image = Opened::new(shown(colour_alone(&request.image, map)?), limit)?;
+        let reference = shown(colour_alone(&request.reference, map)?);
         let reference = Opened::new(with_own_variance(reference), limit)?;
         let open_input = |path| Opened::new(colour_alone(path, map)?, limit);
         let input = request.input.as_deref().map(open_input).transpose()?;
@@ -252,15 +252,20 @@ fn colour_alone(path: &Path, map: &[Mapping]) -> Result<Input, Error> {
             .collect(),
         ..RoleRequest::default()
     };
-    let mut input = Input::open(&InputRequest {
-        roles,
-        ..InputRequest::new(path)
-    })?;
+    let request = InputRequest::new(path).with_roles(roles);
+    let mut input = Input::assign(&request)?.swap_remove(0);
     let roles = &mut input.roles;
+    roles.alpha = None;
     roles.variance = Variance::None;
     roles.features.clear();
     roles.assignments.retain(|a| a.role == Role::Colour);
     Ok(input)
+}
+
+/// The same with the colour that people look at, where the renderer keeps the noisy one beside it.
+fn shown(mut input: Input) -> Input {
+    input.roles.colour = input.roles.target;
+    input
 }
 
 /// The same with bare `variance.R/G/B`, if there are such.

@@ -88,7 +88,12 @@ pub(crate) fn nearest<T>(rows: &RowRing<T>, y: isize, height: usize) -> &T {
 
 impl Radiance {
     fn fill(&mut self, blended: &OutputRow) {
-        let planes = blended.colour.iter().chain(blended.layers.iter().flatten());
+        let layers = blended.layers.iter().flatten();
+        let planes = blended
+            .colour
+            .iter()
+            .chain(layers)
+            .chain(blended.all_scalars());
         for (own, plane) in self.all_mut().zip(planes) {
             own.copy(plane);
         }

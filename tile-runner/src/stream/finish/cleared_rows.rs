@@ -55,14 +55,18 @@ impl ClearedRow {
             own: own.radiance.padded(),
             variance: own.largest_variance.padded(),
         };
-        let [above, row, below] = rows.map(|row| row.all().map(Plane::padded));
-        let planes = above.zip(row).zip(below).zip(self.radiance.all_mut());
+        let [above, row, below] = rows.map(|row| row.light().map(Plane::padded));
+        let planes = above.zip(row).zip(below).zip(self.radiance.light_mut());
         let planes = planes.map(|(((above, row), below), output)| FinishedPlane {
             rows: [above, row, below],
             output: output.padded_mut(),
         });
         instruction_set.despeckle(&input, &mut planes.collect::<Vec<_>>());
-        self.radiance.all_mut().for_each(Plane::pad);
+        self.radiance.light_mut().for_each(Plane::pad);
+        let scalars = rows[DESPECKLE_RADIUS].scalars();
+        for (own, plane) in self.radiance.scalars_mut().zip(scalars) {
+            own.copy(plane.image());
+        }
         let lit = LitRow {
             colour: self.radiance.colour(),
             noisy,

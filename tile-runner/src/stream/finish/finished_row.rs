@@ -17,7 +17,7 @@ pub(crate) struct FinishedRow {
 
 impl FinishedRow {
     pub(crate) fn planes(layout: &RowLayout) -> usize {
-        7 + 3 * layout.layers
+        7 + layout.following_planes()
     }
 
     pub(crate) fn new(layout: &RowLayout) -> Self {
@@ -49,14 +49,34 @@ impl FinishedRow {
             .colour
             .iter_mut()
             .chain(output.layers.iter_mut().flatten());
-        for (own, plane) in outputs.zip(cleared.row(y).radiance.all()) {
+        let radiance = &cleared.row(y).radiance;
+        for (own, plane) in outputs.zip(radiance.light()) {
             let pixels = own.iter_mut().zip(plane.image()).zip(self.factors.image());
             for ((own, value), factor) in pixels {
                 *own = value * factor;
             }
         }
+        for (own, plane) in output.all_scalars_mut().zip(radiance.scalars()) {
+            own.copy_from_slice(plane.image());
+        }
+        output
+            .alpha
+            .iter_mut()
+            .for_each(|alpha| *alpha = as_alpha(*alpha));
         output.error.copy_from_slice(rest.error.image());
         output.radius.copy_from_slice(rest.radius.image());
         output.rank.copy_from_slice(rest.rank.image());
+    }
+}
+
+/// Averages of a 1 are 1 only to this precision.
+const ROUNDING: f32 = 4.0 * f32::EPSILON;
+
+/// An alpha from 0 to 1, and opaque where it is but for rounding.
+fn as_alpha(value: f32) -> f32 {
+    if value > 1.0 - ROUNDING {
+        1.0
+    } else {
+        value.max(0.0)
     }
 }

@@ -81,15 +81,17 @@ impl Plane {
     }
 }
 
-/// Radiance of a row: of the colour, and of the layers, which go the same way.
+/// Radiance of a row: of the colour, and of the layers, which go the same way. And what is no light, which is smoothed with it, but neither cleared nor
+/// scaled.
 pub(crate) struct Radiance {
     colour: [Plane; 3],
     layers: Vec<[Plane; 3]>,
+    scalars: Vec<Plane>,
 }
 
 impl Radiance {
     pub(crate) fn planes(layout: &RowLayout) -> usize {
-        3 + 3 * layout.layers
+        3 + layout.following_planes()
     }
 
     pub(crate) fn new(layout: &RowLayout) -> Self {
@@ -97,6 +99,9 @@ impl Radiance {
         Self {
             colour: planes(),
             layers: (0..layout.layers).map(|_| planes()).collect(),
+            scalars: (0..layout.all_scalars())
+                .map(|_| Plane::new(layout.size.width()))
+                .collect(),
         }
     }
 
@@ -106,14 +111,36 @@ impl Radiance {
     }
 
     /// The planes of the colour, then those of the layers.
-    pub(crate) fn all(&self) -> impl Iterator<Item = &Plane> {
+    pub(crate) fn light(&self) -> impl Iterator<Item = &Plane> {
         self.colour.iter().chain(self.layers.iter().flatten())
+    }
+
+    /// The same, to be filled.
+    pub(crate) fn light_mut(&mut self) -> impl Iterator<Item = &mut Plane> {
+        let layers = self.layers.iter_mut().flatten();
+        self.colour.iter_mut().chain(layers)
+    }
+
+    /// The planes of what is no light.
+    pub(crate) fn scalars(&self) -> impl Iterator<Item = &Plane> {
+        self.scalars.iter()
+    }
+
+    /// The same, to be filled.
+    pub(crate) fn scalars_mut(&mut self) -> impl Iterator<Item = &mut Plane> {
+        self.scalars.iter_mut()
+    }
+
+    /// Every plane, the light first.
+    pub(crate) fn all(&self) -> impl Iterator<Item = &Plane> {
+        self.light().chain(&self.scalars)
     }
 
     /// The same, to be filled.
     pub(crate) fn all_mut(&mut self) -> impl Iterator<Item = &mut Plane> {
         let layers = self.layers.iter_mut().flatten();
-        self.colour.iter_mut().chain(layers)
+        let light = self.colour.iter_mut().chain(layers);
+        light.chain(&mut self.scalars)
     }
 }
 
