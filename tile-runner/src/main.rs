@@ -9,7 +9,10 @@ use clap::Parser;
 fn main() -> ExitCode {
     cli::allocator::give_large_buffers_back();
     cli::stop::let_writes_fail_at_the_size_limit();
-    let arguments = cli::args::Arguments::parse();
+    let arguments = match cli::args::Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => return cli::usage::end(&error),
+    };
     cli::log::start(&arguments.log);
     linpred::exr_file::coder_panics::tell_caught_ones_to(|panic| tracing::debug!("{panic}"));
     let result = match arguments.command {
