@@ -20,10 +20,7 @@ const PIXELS: usize = 1 << 12;
 fuzz_target!(|data: &[u8]| {
     let mut file = tempfile::NamedTempFile::new().expect("a temporary file");
     file.write_all(data).expect("a temporary file takes bytes");
-    let request = InputRequest {
-        path: file.path().to_owned(),
-        ..InputRequest::default()
-    };
+    let request = InputRequest::new(file.path());
     let described = inspect(&request).is_ok();
     let Ok(input) = Input::open(&request) else {
         return;

@@ -54,18 +54,14 @@ fuzz_target!(|data: &[u8]| {
     });
     let file = tempfile::NamedTempFile::new().expect("a temporary file");
     write(file.path(), (2, 1), vec![part(channels.collect())]);
-    let request = InputRequest {
-        path: file.path().to_owned(),
-        roles: RoleRequest {
-            preset: Preset::named(PRESETS[usize::from(choice >> 1) % PRESETS.len()]),
-            map: maps
-                .iter()
-                .filter_map(|map| Mapping::parse(&map[1..]).ok())
-                .collect(),
-            ..RoleRequest::default()
-        },
-        ..InputRequest::default()
-    };
+    let request = InputRequest::new(file.path()).with_roles(RoleRequest {
+        preset: Preset::named(PRESETS[usize::from(choice >> 1) % PRESETS.len()]),
+        map: maps
+            .iter()
+            .filter_map(|map| Mapping::parse(&map[1..]).ok())
+            .collect(),
+        ..RoleRequest::default()
+    });
     let Ok(input) = Input::open(&request) else {
         return;
     };

@@ -8,7 +8,11 @@ use clap::Parser;
 
 fn main() -> ExitCode {
     cli::allocator::give_large_buffers_back();
-    let arguments = cli::args::Arguments::parse();
+    cli::stop::let_writes_fail_at_the_size_limit();
+    let arguments = match cli::args::Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => return cli::usage::end(&error),
+    };
     cli::log::start(&arguments.log);
     linpred::exr_file::coder_panics::tell_caught_ones_to(|panic| tracing::debug!("{panic}"));
     let result = match arguments.command {
@@ -17,11 +21,5 @@ fn main() -> ExitCode {
         cli::args::Command::Compare(compare) => cli::compare::run(compare),
         cli::args::Command::Stitch(stitch) => cli::stitch::run(stitch),
     };
-    match result {
-        Ok(code) => code,
-        Err(error) => {
-            tracing::error!("{}", cli::errors::in_words(&error));
-            ExitCode::from(cli::errors::code(&error))
-        }
-    }
+    result.unwrap_or_else(|error| cli::errors::end(&error))
 }

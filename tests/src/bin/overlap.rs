@@ -27,10 +27,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [input, output, threads] = arguments.as_slice() else {
         return Err("expected: input.exr output.exr threads".into());
     };
-    let request = InputRequest {
-        path: input.into(),
-        ..InputRequest::default()
-    };
+    let request = InputRequest::new(input);
     let input = Input::open(&request)?;
     let threads = threads.parse::<NonZeroUsize>()?;
     let pipeline = Options::new(Params::new(Quality::Fast)).with_threads(threads);
@@ -43,7 +40,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     let computing = timed("computing alone", || compute(&mut rows, &options.pipeline))?;
     let whole = timed("whole run", || {
         let stop = Arc::new(AtomicBool::new(false));
-        linpred::job::denoise(&input, output, &options, &stop, &mut |_| {}).map(drop)
+        linpred::job::denoise(
+            std::slice::from_ref(&input),
+            output,
+            &options,
+            &stop,
+            &mut |_| {},
+        )
+        .map(drop)
     })?;
     println!("{:.2} times the longer one", whole / files.max(computing));
     Ok(())

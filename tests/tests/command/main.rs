@@ -8,3 +8,5 @@ mod memory_that_cannot_be_had;
 mod sample_is_denoised;
 mod sequences;
 mod stopping_and_progress;
+mod what_was_typed;
+mod writes_that_fail;

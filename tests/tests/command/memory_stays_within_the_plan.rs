@@ -71,6 +71,10 @@ fn a_tighter_limit_gives_the_same_file() {
     let size = (700, 50);
     let image = image(size, Compression::ZIP16, Blocks::ScanLines);
     write(&folder.path().join("in.exr"), size, vec![image]);
+    if std::thread::available_parallelism().is_ok_and(|processors| processors.get() == 1) {
+        println!("one processor: there are no more threads than one to plan for");
+        return;
+    }
     let plan = planned(folder.path(), &["--threads", "4"]);
     let frugal = planned(folder.path(), &["--threads", "1"]);
     assert!(frugal < plan, "{frugal} {plan}");

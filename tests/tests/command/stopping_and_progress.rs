@@ -6,6 +6,7 @@ use std::process::{Command, Stdio};
 
 use linpred_tests::command::{self, Ran, linpred_path};
 use linpred_tests::images::{colour, everything, part, write};
+use serde_json::Value;
 
 fn denoise(folder: &Path, size: (usize, usize), options: &[&str]) -> Ran {
     write(
@@ -28,12 +29,46 @@ fn nothing_is_shown_on_a_pipe_unless_it_is_asked_for() {
     assert_eq!(plain.stderr().lines().count(), 10, "{}", plain.stderr());
     assert!(plain.stderr().ends_with("100 % (40 of 40 rows)\n"));
     let json = denoise(folder.path(), (20, 40), &["-q", "--progress", "json"]);
-    let last: serde_json::Value =
-        serde_json::from_str(json.stderr().lines().last().unwrap()).unwrap();
+    let last: Value = serde_json::from_str(json.stderr().lines().last().unwrap()).unwrap();
     assert_eq!(
         (&last["rows"], &last["of"], &last["percent"]),
         (&40.into(), &40.into(), &100.into())
     );
+}
+
+#[test]
+fn progress_says_of_which_file_and_frame_it_is_and_since_when() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    // valid JSON whatever the name
+    let names = [7, 8].map(|frame| path(&format!("a \"b\".{frame:04}.exr")));
+    for name in &names {
+        write(name, (20, 40), vec![part(colour(800))]);
+    }
+    let options = ["-q", "--progress", "json"];
+    let lines = |input: &Path, output: &Path| -> Vec<Value> {
+        let ran = command::denoise_file(input, output, &options).succeeds();
+        let json = |line| serde_json::from_str(line).unwrap();
+        ran.stderr().lines().map(json).collect()
+    };
+    let alone = lines(&names[0], &path("out.exr"));
+    let sequence = lines(&path("a \"b\".####.exr"), &path("out.####.exr"));
+    assert_eq!(sequence.len(), 2 * alone.len());
+    let second = &sequence[alone.len()..];
+    for (lines, name, frame) in [
+        (&alone[..], &names[0], Value::Null),
+        (&sequence[..alone.len()], &names[0], 7.into()),
+        (second, &names[1], 8.into()),
+    ] {
+        let mut since = 0.0;
+        for line in lines {
+            assert_eq!(line["file"], name.to_str().unwrap());
+            assert_eq!(line["frame"], frame);
+            let seconds = line["seconds"].as_f64().unwrap();
+            assert!((since..60.0).contains(&seconds), "{seconds} after {since}");
+            since = seconds;
+        }
+    }
 }
 
 #[test]
@@ -56,7 +91,8 @@ fn a_signal_ends_the_job_and_leaves_nothing_behind() {
     // large enough that a signal sent at the first sign of progress finds it still at work
     let size = (1200, 1600);
     write(&input, size, vec![part(everything(size.0 * size.1))]);
-    for signal in ["-INT", "-TERM"] {
+    // what a shell makes of a process that the signal ended
+    for (signal, code) in [("-HUP", 129), ("-INT", 130), ("-TERM", 143)] {
         let mut child = Command::new(linpred_path())
             .args([
                 "denoise".as_ref(),
@@ -71,7 +107,7 @@ fn a_signal_ends_the_job_and_leaves_nothing_behind() {
         let mut stderr = BufReader::new(child.stderr.take().unwrap());
         let mut first = String::new();
         stderr.read_line(&mut first).unwrap();
-        assert!(first.contains("\"percent\":1}"), "{first}");
+        assert!(first.contains("\"percent\":1,"), "{first}");
         assert!(folder.path().join("out.exr.part").exists());
         Command::new("kill")
             .args([signal, &child.id().to_string()])
@@ -79,7 +115,7 @@ fn a_signal_ends_the_job_and_leaves_nothing_behind() {
             .unwrap();
         let mut rest = String::new();
         stderr.read_to_string(&mut rest).unwrap();
-        assert_eq!(child.wait().unwrap().code(), Some(1), "{signal}: {rest}");
+        assert_eq!(child.wait().unwrap().code(), Some(code), "{signal}: {rest}");
         assert!(rest.contains("stopped before the end"), "{signal}: {rest}");
         let left: Vec<_> = std::fs::read_dir(folder.path())
             .unwrap()

@@ -1,6 +1,7 @@
 //! EXR files: what is found in them, and what is written.
 
 mod bands_make_the_frame;
+mod compressions_of_later_versions;
 mod damaged_files;
 mod deep_parts_are_copied;
 mod file_layout_changes_no_bit;

@@ -5,7 +5,7 @@ use std::path::Path;
 use exr::prelude::{AttributeValue, FlatSamples};
 use linpred::channels::{Count, Mapping, Meaning, Preset, Role, RoleRequest, Variance};
 use linpred::job::{Input, InputRequest};
-use linpred::{Error, Feature, Remedy};
+use linpred::{Error, Feature, InputRow, Remedy, RowSource};
 use linpred_tests::images::{TestPart, constant, float, half, part, write};
 
 const SIZE: (usize, usize) = (4, 3);

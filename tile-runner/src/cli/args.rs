@@ -7,13 +7,21 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use linpred::channels::{Mapping, PRESET_NAMES};
 use linpred::job::{Band, parse_frames};
 
+use super::number::{parse_coverage, parse_spp, parse_threads};
 use super::size::parse_size;
+
+/// What the end of the process says.
+macro_rules! exit_codes {
+    () => {
+        "Exit codes: 0 done, 2 usage, 3 input, 4 memory budget, 130 or 143 stopped by SIGINT (Ctrl-C) or SIGTERM, 1 anything else."
+    };
+}
 
 /// Denoises Monte Carlo renders by linear predictions from their feature layers.
 #[derive(Debug, Parser)]
 #[command(
     version,
-    after_help = "Exit codes: 0 done, 2 usage, 3 input, 4 memory budget, 1 anything else."
+    after_help = exit_codes!()
 )]
 pub(crate) struct Arguments {
     #[command(subcommand)]
@@ -35,6 +43,17 @@ pub(crate) struct LogArguments {
     pub(crate) quiet: bool,
 }
 
+impl LogArguments {
+    /// Nothing said but the format.
+    pub(crate) fn plain(log_format: LogFormat) -> Self {
+        Self {
+            log_format,
+            verbose: 0,
+            quiet: false,
+        }
+    }
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum LogFormat {
     Text,
@@ -54,37 +73,39 @@ pub(crate) enum Command {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "\
+#[command(after_help = concat!(exit_codes!(), "
+
 Examples:
   linpred denoise noisy.exr -o clean.exr
   linpred denoise noisy.exr -o clean.exr --quality high --error-layer
   linpred denoise moments.exr -o clean.exr --preset mitsuba --spp 64
   linpred denoise odd.exr -o clean.exr --map colour=main --map albedo=kd --map variance=none
   linpred denoise first_half.exr --other-half second_half.exr -o clean.exr
-  linpred denoise 'shot.####.exr' -o 'clean.####.exr' --frames 1-100x2 --skip-existing")]
+  linpred denoise 'shot.####.exr' -o 'clean.####.exr' --frames 1-100x2 --skip-existing"))]
 pub(crate) struct DenoiseArguments {
     #[command(flatten)]
     pub(crate) input: InputArguments,
-    /// The denoised image; every channel that is not denoised is kept as it is
+    /// The denoised image, OpenEXR as the input; every channel that is not denoised is kept as it is
     #[arg(short, long, value_name = "CLEAN.exr")]
     pub(crate) output: PathBuf,
     /// How much time to spend for how much accuracy
     #[arg(long, value_enum, default_value_t = QualityName::Balanced)]
     pub(crate) quality: QualityName,
     /// The number behind --quality, which stays what decides whether models differ in their features: how many good models must predict a pixel before no new one is built for it, 1 to 1024
-    #[arg(long, value_name = "MODELS", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(long, value_name = "MODELS", value_parser = parse_coverage)]
     pub(crate) coverage: Option<u16>,
     /// Which formulas fit, choose and blend the models
     #[arg(long, value_enum, default_value_t = FormulasName::Robust)]
     pub(crate) formulas: FormulasName,
-    /// Add the channel linpred.error: the estimated mean squared error of each pixel
+    /// Add the channel linpred.error: the estimated mean squared error of each denoised pixel, mean over the channels, radiance squared; its square
+    /// root is a standard error
     #[arg(long)]
     pub(crate) error_layer: bool,
     /// Add the channels linpred.radius and linpred.rank: the size and the rank of the models behind each pixel
     #[arg(long)]
     pub(crate) models_layer: bool,
-    /// Threads that compute; the result does not depend on it [default: all processors]
-    #[arg(long, value_name = "N")]
+    /// Threads that compute, at most one on each processor; the result does not depend on it [default: all processors]
+    #[arg(long, value_name = "N", value_parser = parse_threads)]
     pub(crate) threads: Option<NonZeroUsize>,
     /// Memory that may be used, such as 256M; a job that needs more is refused before it begins [default: 2G]
     #[arg(long, value_name = "SIZE", value_parser = parse_size)]
@@ -121,7 +142,7 @@ pub(crate) struct InputArguments {
     #[arg(long, value_name = "ROLE=CHANNEL", value_parser = Mapping::parse)]
     pub(crate) map: Vec<Mapping>,
     /// Samples per pixel, where the file does not state them or states them wrongly
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = parse_spp)]
     pub(crate) spp: Option<NonZeroU32>,
     /// The image from the other half of the samples: the two are averaged, their difference gives the variance
     #[arg(long, value_name = "SECOND.exr")]
@@ -167,8 +188,8 @@ pub(crate) struct SurveyArguments {
     /// Read the pixels, too: what a run would skip, which features never vary, which pixels are not finite, ranges of radiance and variance
     #[arg(long)]
     pub(crate) pixels: bool,
-    /// Threads that compute; the figures do not depend on it [default: all processors]
-    #[arg(long, value_name = "N", requires = "pixels")]
+    /// Threads that compute, at most one on each processor; the figures do not depend on it [default: all processors]
+    #[arg(long, value_name = "N", value_parser = parse_threads, requires = "pixels")]
     pub(crate) threads: Option<NonZeroUsize>,
     /// Memory that may be used, such as 256M [default: 2G]
     #[arg(long, value_name = "SIZE", value_parser = parse_size, requires = "pixels")]
@@ -270,7 +291,8 @@ pub(crate) enum ProgressStyle {
     Tty,
     /// A line for every tenth
     Plain,
-    /// A JSON object for every hundredth
+    /// A JSON object for every hundredth: file (the input), frame (its number, of a sequence), rows (done), of (all rows), percent, seconds (since it
+    /// began)
     Json,
     /// Nothing
     None,

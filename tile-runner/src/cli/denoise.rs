@@ -2,9 +2,7 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
-use std::io::Write;
-use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -20,14 +18,14 @@ use super::args::{
     DenoiseArguments, FormulasName, InputArguments, LogArguments, LogFormat, ProgressStyle,
     QualityName, WrapName,
 };
-use super::errors;
-use super::frames;
+use super::frames::{self, Frame};
 use super::progress::Progress;
 use super::report::report;
-use super::stop;
+use super::{errors, output_name, stdout, stop, threads};
 
 /// Denoises one image, or the frames of a sequence.
 pub(crate) fn run(arguments: DenoiseArguments, log: &LogArguments) -> Result<ExitCode, Error> {
+    output_name::check(&arguments.output)?;
     let run = Run {
         options: options(&arguments),
         skip_existing: arguments.skip_existing,
@@ -40,7 +38,7 @@ pub(crate) fn run(arguments: DenoiseArguments, log: &LogArguments) -> Result<Exi
     let request = request(arguments.input);
     match frames::find(&request, &arguments.output, arguments.frames)? {
         None => run
-            .image(&request, &arguments.output)
+            .image(&request, &arguments.output, None)
             .map(|()| ExitCode::SUCCESS),
         Some(frames) => run.sequence(&frames),
     }
@@ -59,7 +57,13 @@ struct Run {
 }
 
 impl Run {
-    fn image(&self, request: &InputRequest, output: &Path) -> Result<(), Error> {
+    /// Denoises an image, which is `frame` of a sequence.
+    fn image(
+        &self,
+        request: &InputRequest,
+        output: &Path,
+        frame: Option<u32>,
+    ) -> Result<(), Error> {
         if self.skip_existing && output.exists() {
             tracing::info!("{} exists, skipped", output.display());
             return Ok(());
@@ -70,8 +74,8 @@ impl Run {
             return dry_run(&pictures, &self.options);
         }
         self.announce(&pictures)?;
-        let label = request.path.display().to_string();
-        let mut progress = Progress::new(self.progress, pictures[0].height(), label);
+        let (rows, file) = (pictures[0].height(), &request.path);
+        let mut progress = Progress::new(self.progress, rows, file, frame, started);
         let mut told = |rows| progress.set(rows);
         let result = job::denoise(&pictures, output, &self.options, &self.stop, &mut told);
         progress.end();
@@ -115,10 +119,10 @@ impl Run {
     }
 
     /// A frame that fails does not stop the others; the first failure's exit code is the sequence's.
-    fn sequence(&self, frames: &[(InputRequest, PathBuf)]) -> Result<ExitCode, Error> {
+    fn sequence(&self, frames: &[Frame]) -> Result<ExitCode, Error> {
         let mut failures = Vec::new();
-        for (request, output) in frames {
-            match self.image(request, output) {
+        for frame in frames {
+            match self.image(&frame.request, &frame.output, Some(frame.number)) {
                 Ok(()) => {}
                 Err(error @ Error::Cancelled) => return Err(error),
                 Err(error) => {
@@ -150,10 +154,7 @@ fn options(arguments: &DenoiseArguments) -> JobOptions {
     if let Some(coverage) = arguments.coverage {
         params.coverage = coverage;
     }
-    let mut pipeline = Options::new(params);
-    if let Some(threads) = arguments.threads {
-        pipeline = pipeline.with_threads(threads);
-    }
+    let pipeline = Options::new(params).with_threads(threads::to_use(arguments.threads));
     let mut options = JobOptions::new(pipeline).with_extra(ExtraLayers {
         error: arguments.error_layer,
         models: arguments.models_layer,
@@ -165,11 +166,6 @@ fn options(arguments: &DenoiseArguments) -> JobOptions {
         Some(band) => options.with_band(band),
         None => options,
     }
-}
-
-/// As many as there are processors.
-pub(crate) fn all_threads() -> NonZeroUsize {
-    std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN)
 }
 
 /// What the input arguments ask for.
@@ -197,10 +193,8 @@ fn dry_run(pictures: &[Input], options: &JobOptions) -> Result<(), Error> {
     let inspection = job::describe(pictures);
     let threads = schedule.threads;
     let rows = schedule.rows_in_flight;
-    // nobody is left to be told when standard output is closed
-    let _ = write!(
-        std::io::stdout(),
+    stdout::print(&format!(
         "{inspection}threads: {threads}, rows read ahead: {rows}\nmemory:\n{plan}\n"
-    );
+    ))?;
     plan.check(options.memory_limit)
 }

@@ -1,18 +1,32 @@
-//! What an error says on the command line, and the exit code it ends in: 0 done, 2 usage, 3 input, 4 memory budget, 1 anything else.
+//! What an error says on the command line, and the exit code it ends in: 0 done, 2 usage, 3 input, 4 memory budget, 128 and more stopped by a
+//! signal, 1 anything else.
 
 use std::error::Error as _;
+use std::process::ExitCode;
 
 use linpred::{Error, Remedy};
+
+use super::stop;
+
+/// The exit code of arguments that ask for nothing that can be done.
+pub(crate) const USAGE: u8 = 2;
+
+/// Says what went wrong, last of all.
+pub(crate) fn end(error: &Error) -> ExitCode {
+    tracing::error!("{}", in_words(error));
+    ExitCode::from(code(error))
+}
 
 /// The exit code that an error ends the process with.
 pub(crate) fn code(error: &Error) -> u8 {
     match error {
-        Error::Usage(_) | Error::Setting { .. } => 2,
+        Error::Usage(_) | Error::Setting { .. } => USAGE,
         Error::Unsupported(_)
         | Error::Invalid(_)
         | Error::Incomplete { .. }
         | Error::Read { .. } => 3,
         Error::Budget(_) | Error::OverLimit { .. } => 4,
+        Error::Cancelled => stop::exit_code(),
         _ => 1,
     }
 }

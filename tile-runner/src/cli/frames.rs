@@ -5,12 +5,22 @@ use std::path::{Path, PathBuf};
 use linpred::Error;
 use linpred::job::{FramePattern, InputRequest};
 
-/// Input and output of each frame; `None` when the names hold no place for a frame number.
+/// A frame that a command asks for.
+pub(crate) struct Frame {
+    /// Its number.
+    pub(crate) number: u32,
+    /// Its input.
+    pub(crate) request: InputRequest,
+    /// Its output.
+    pub(crate) output: PathBuf,
+}
+
+/// Each frame; `None` when the names hold no place for a frame number.
 pub(crate) fn find(
     request: &InputRequest,
     output: &Path,
     wanted: Option<Vec<u32>>,
-) -> Result<Option<Vec<(InputRequest, PathBuf)>>, Error> {
+) -> Result<Option<Vec<Frame>>, Error> {
     let outputs = FramePattern::parse(output);
     let Some(inputs) = FramePattern::parse(&request.path) else {
         return match wanted {
@@ -39,13 +49,17 @@ pub(crate) fn find(
         )));
     }
     let others = request.other_half.as_deref().and_then(FramePattern::parse);
-    let frame = |frame| {
+    let frame = |number| {
         let mut request = request.clone();
-        request.path = inputs.path(frame);
+        request.path = inputs.path(number);
         if let Some(others) = &others {
-            request.other_half = Some(others.path(frame));
+            request.other_half = Some(others.path(number));
         }
-        (request, outputs.path(frame))
+        Frame {
+            number,
+            request,
+            output: outputs.path(number),
+        }
     };
     Ok(Some(frames.into_iter().map(frame).collect()))
 }

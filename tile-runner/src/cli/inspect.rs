@@ -1,16 +1,16 @@
 //! `linpred inspect`.
 
-use std::io::Write;
 use std::process::ExitCode;
+use std::time::Instant;
 
 use linpred::Error;
 use linpred::job::{DEFAULT_MEMORY_LIMIT, Input, inspect_with};
 use linpred::survey::Survey;
 
 use super::args::{InspectArguments, ProgressStyle, SurveyArguments};
-use super::denoise::{all_threads, request};
-use super::errors;
+use super::denoise::request;
 use super::progress::Progress;
+use super::{errors, stdout, threads};
 
 /// Prints what a file holds. A file that cannot be denoised is described all the same, and ends in its exit code.
 pub(crate) fn run(arguments: InspectArguments) -> Result<ExitCode, Error> {
@@ -22,8 +22,7 @@ pub(crate) fn run(arguments: InspectArguments) -> Result<ExitCode, Error> {
         true => format!("{:#}\n", serde_json::json!(inspection)),
         false => inspection.to_string(),
     };
-    // nobody is left to be told when standard output is closed
-    let _ = std::io::stdout().write_all(text.as_bytes());
+    stdout::print(&text)?;
     Ok(problem.map_or(ExitCode::SUCCESS, |error| {
         ExitCode::from(errors::code(&error))
     }))
@@ -34,11 +33,11 @@ fn survey(input: &Input, arguments: &SurveyArguments) -> Result<Option<Survey>, 
     if !arguments.pixels {
         return Ok(None);
     }
-    let threads = arguments.threads.unwrap_or_else(all_threads);
+    let threads = threads::to_use(arguments.threads);
     let limit = arguments.max_memory.unwrap_or(DEFAULT_MEMORY_LIMIT);
     let style = arguments.progress.unwrap_or(ProgressStyle::Auto);
-    let label = input.path().display().to_string();
-    let mut progress = Progress::new(style, input.height(), label);
+    let started = Instant::now();
+    let mut progress = Progress::new(style, input.height(), input.path(), None, started);
     let found = linpred::job::survey(input, threads, limit, &mut |rows| progress.set(rows));
     progress.end();
     found.map(Some)

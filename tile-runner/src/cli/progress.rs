@@ -1,15 +1,33 @@
 //! How far a job is, for people and for scripts.
 
 use std::io::{IsTerminal, Write};
+use std::path::Path;
+use std::time::Instant;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle as BarStyle};
+use serde::Serialize;
 
 use super::args::ProgressStyle;
 
 /// Shows how many of an image's rows are written.
 pub(crate) struct Progress {
+    file: String,
+    frame: Option<u32>,
     rows: usize,
+    started: Instant,
     show: Show,
+}
+
+/// How far an image is, for scripts.
+#[derive(Serialize)]
+struct Line<'a> {
+    file: &'a str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    frame: Option<u32>,
+    rows: usize,
+    of: usize,
+    percent: usize,
+    seconds: f64,
 }
 
 enum Show {
@@ -24,11 +42,19 @@ enum Show {
 }
 
 impl Progress {
-    /// Progress of an image of so many rows; `label` names it.
-    pub(crate) fn new(style: ProgressStyle, rows: usize, label: String) -> Self {
+    /// Progress of an image of so many rows, which is read from `file`, and is `frame` of a sequence. Its time begins with `started`.
+    pub(crate) fn new(
+        style: ProgressStyle,
+        rows: usize,
+        file: &Path,
+        frame: Option<u32>,
+        started: Instant,
+    ) -> Self {
+        let file = file.display().to_string();
+        let bar = || Show::Bar(bar(rows, file.clone()));
         let show = match style {
-            ProgressStyle::Auto if std::io::stderr().is_terminal() => Show::Bar(bar(rows, label)),
-            ProgressStyle::Tty => Show::Bar(bar(rows, label)),
+            ProgressStyle::Auto if std::io::stderr().is_terminal() => bar(),
+            ProgressStyle::Tty => bar(),
             ProgressStyle::Plain => Show::Lines {
                 steps: 10,
                 written: 0,
@@ -41,7 +67,13 @@ impl Progress {
             },
             ProgressStyle::Auto | ProgressStyle::None => Show::Nothing,
         };
-        Self { rows, show }
+        Self {
+            file,
+            frame,
+            rows,
+            started,
+            show,
+        }
     }
 
     /// So many rows are written.
@@ -57,10 +89,28 @@ impl Progress {
                 let step = done * *steps / self.rows;
                 if step > *written {
                     *written = step;
-                    line(done, self.rows, *json);
+                    let json = *json;
+                    self.write_line(done, json);
                 }
             }
         }
+    }
+
+    /// A reader that went away does not stop the job.
+    fn write_line(&self, rows: usize, json: bool) {
+        let line = Line {
+            file: &self.file,
+            frame: self.frame,
+            rows,
+            of: self.rows,
+            percent: rows * 100 / self.rows,
+            seconds: self.started.elapsed().as_millis() as f64 / 1000.0,
+        };
+        let text = match json {
+            true => serde_json::json!(line).to_string(),
+            false => format!("{} % ({rows} of {} rows)", line.percent, line.of),
+        };
+        let _ = writeln!(std::io::stderr(), "{text}");
     }
 
     /// The job ended, well or not.
@@ -77,17 +127,4 @@ fn bar(rows: usize, label: String) -> ProgressBar {
     ProgressBar::with_draw_target(Some(rows as u64), ProgressDrawTarget::stderr())
         .with_style(style)
         .with_message(label)
-}
-
-/// A reader that went away does not stop the job.
-fn line(done: usize, rows: usize, json: bool) {
-    let percent = done * 100 / rows;
-    let mut stderr = std::io::stderr().lock();
-    let _ = match json {
-        true => writeln!(
-            stderr,
-            "{{\"rows\":{done},\"of\":{rows},\"percent\":{percent}}}"
-        ),
-        false => writeln!(stderr, "{percent} % ({done} of {rows} rows)"),
-    };
 }

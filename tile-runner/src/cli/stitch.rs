@@ -7,10 +7,11 @@ use linpred::Error;
 use linpred::job::stitch;
 
 use super::args::StitchArguments;
-use super::stop;
+use super::{output_name, stop};
 
 /// Puts the bands of an image together.
 pub(crate) fn run(arguments: StitchArguments) -> Result<ExitCode, Error> {
+    output_name::check(&arguments.output)?;
     let bands: Vec<&Path> = arguments.bands.iter().map(AsRef::as_ref).collect();
     stitch(&bands, &arguments.output, &stop::on_signals())?;
     tracing::info!(

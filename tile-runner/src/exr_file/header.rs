@@ -2,12 +2,14 @@
 
 use std::fmt;
 
+use exr::meta::BlockDescription;
 use exr::meta::MetaData;
-use exr::meta::attribute::{Compression, IntegerBounds, SampleType};
+use exr::meta::attribute::{IntegerBounds, SampleType};
 use exr::meta::header::Header;
 
 use super::attributes::{Attributes, RawHeader};
 use super::chunk::ChunkShape;
+use super::compression_code::{self, CompressionCode};
 use super::grid::ChunkGrid;
 use crate::error::Error;
 use crate::geometry::ImageSize;
@@ -20,7 +22,7 @@ pub enum Refusal {
     /// The channel of this name is stored at a lower resolution.
     Subsampled(String),
     /// A compression that the `exr` crate does not decode.
-    Compression(String),
+    Compression(CompressionCode),
 }
 
 impl fmt::Display for Refusal {
@@ -33,7 +35,7 @@ impl fmt::Display for Refusal {
                     "channel {channel:?} is subsampled, which is not supported"
                 )
             }
-            Self::Compression(name) => write!(f, "{name} is not supported"),
+            Self::Compression(code) => compression_code::refusal(*code, f),
         }
     }
 }
@@ -48,7 +50,7 @@ pub struct Part {
     pub index: usize,
     /// The `name` attribute; parts of a multi-part file have one.
     pub name: Option<String>,
-    /// The header as the `exr` crate understands it.
+    /// The header as the `exr` crate understands it. Of a compression that it does not know it sees none; the attributes have the true one.
     pub header: Header,
     /// All attributes as bytes.
     pub attributes: Attributes,
@@ -104,6 +106,11 @@ impl Part {
         self.header.channels.list[channel].name.to_string()
     }
 
+    /// The compression that the header states.
+    pub fn compression(&self) -> Option<CompressionCode> {
+        CompressionCode::of(&self.attributes)
+    }
+
     /// Sample type of a channel.
     pub fn sample_type(&self, channel: usize) -> SampleType {
         self.header.channels.list[channel].sample_type
@@ -116,7 +123,9 @@ pub(super) fn parse_parts(
     raw: &RawHeader,
     file_length: u64,
 ) -> Result<Vec<Part>, Error> {
-    let meta = MetaData::read_from_buffered(&bytes[..raw.length], false).map_err(damaged)?;
+    let known = with_known_compressions(raw);
+    let bytes = known.as_deref().unwrap_or(&bytes[..raw.length]);
+    let meta = MetaData::read_from_buffered(bytes, false).map_err(damaged)?;
     if meta.headers.len() != raw.parts.len() || meta.headers.is_empty() {
         return Err(Error::Invalid("damaged header: no part".into()));
     }
@@ -148,6 +157,21 @@ pub(super) fn parse_parts(
     Ok(parts)
 }
 
+/// The header's bytes with no compression where the `exr` crate does not know the one that is stated, and would refuse the whole file.
+/// `None` if it knows them all.
+fn with_known_compressions(raw: &RawHeader) -> Option<Vec<u8>> {
+    let unknown = |part: &Attributes| CompressionCode::of(part).is_some_and(|code| !code.parsed());
+    if !raw.parts.iter().any(unknown) {
+        return None;
+    }
+    let mut parts = raw.parts.clone();
+    for part in parts.iter_mut().filter(|part| unknown(part)) {
+        let none = CompressionCode::NONE.value();
+        part.set("compression", "compression", none);
+    }
+    Some(RawHeader::encode(raw.version, &parts))
+}
+
 /// An error of the `exr` crate on a header's bytes.
 fn damaged(error: exr::error::Error) -> Error {
     match error {
@@ -161,11 +185,14 @@ fn damaged(error: exr::error::Error) -> Error {
 
 fn describe(
     index: usize,
-    header: Header,
+    mut header: Header,
     attributes: Attributes,
     multi_part: bool,
 ) -> Result<Part, Error> {
-    let lines = header.compression.scan_lines_per_block();
+    let lines = lines(index, &header, &attributes)?;
+    if header.blocks == BlockDescription::ScanLines {
+        header.chunk_count = header.layer_size.1.div_ceil(lines);
+    }
     let grid = ChunkGrid::new(header.data_window(), header.blocks, lines);
     let part = Part {
         index,
@@ -179,7 +206,7 @@ fn describe(
             tiled: grid.tiled(),
             deep: header.deep,
         },
-        refusal: refusal(&header),
+        refusal: refusal(&header, &attributes),
         grid,
         attributes,
         header,
@@ -189,7 +216,21 @@ fn describe(
     Ok(part)
 }
 
-fn refusal(header: &Header) -> Option<Refusal> {
+/// Rows of a scanline chunk. [`Error::Unsupported`] if nobody can tell, so that not even the offset table can be read.
+fn lines(index: usize, header: &Header, attributes: &Attributes) -> Result<usize, Error> {
+    match CompressionCode::of(attributes) {
+        Some(code) if !code.parsed() && header.blocks == BlockDescription::ScanLines => {
+            let chunks = attributes.int("chunkCount");
+            let lines = code.lines_in(header.layer_size.1, chunks);
+            lines.ok_or_else(|| {
+                Error::Unsupported(format!("part {index}: {}", Refusal::Compression(code)))
+            })
+        }
+        _ => Ok(header.compression.scan_lines_per_block()),
+    }
+}
+
+fn refusal(header: &Header, attributes: &Attributes) -> Option<Refusal> {
     if header.deep {
         return Some(Refusal::Deep);
     }
@@ -197,11 +238,8 @@ fn refusal(header: &Header) -> Option<Refusal> {
     if let Some(channel) = subsampled {
         return Some(Refusal::Subsampled(channel.name.to_string()));
     }
-    matches!(
-        header.compression,
-        Compression::HTJ2K32 | Compression::HTJ2K256
-    )
-    .then(|| Refusal::Compression(header.compression.to_string()))
+    let code = CompressionCode::of(attributes).filter(|code| !code.decoded());
+    code.map(Refusal::Compression)
 }
 
 /// Samples are stored in the order of the names: a list in another order cannot be trusted.

@@ -7,6 +7,7 @@
 pub mod attributes;
 pub(crate) mod chunk;
 pub(crate) mod compression;
+mod compression_code;
 pub(crate) mod grid;
 pub(crate) mod header;
 pub mod output;

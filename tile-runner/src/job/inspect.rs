@@ -29,7 +29,7 @@ pub struct PartInfo {
     pub height: usize,
     /// Top left corner of the data window.
     pub origin: [i32; 2],
-    /// Compression.
+    /// Compression, by OpenEXR's name for it.
     pub compression: String,
     /// Scanline chunks or tiles, and their size.
     pub chunks: String,
@@ -296,10 +296,8 @@ fn part_info(part: &Part, passed_through: bool) -> PartInfo {
         height: part.header.layer_size.1,
         origin: [part.data_window().position.0, part.data_window().position.1],
         compression: part
-            .header
-            .compression
-            .to_string()
-            .replace(" compression", ""),
+            .compression()
+            .map_or_else(String::new, |code| code.to_string()),
         chunks,
         channels,
         refusal: part.refusal.as_ref().map(ToString::to_string),
@@ -323,10 +321,14 @@ impl fmt::Display for PartInfo {
             true => ", copied as it is",
             false => "",
         };
+        let compression = match self.compression.as_str() {
+            "none" => "no",
+            name => name,
+        };
         writeln!(
             f,
-            "  {}: {} x {} at ({x}, {y}), {} compression, {}{copied}",
-            self.label, self.width, self.height, self.compression, self.chunks
+            "  {}: {} x {} at ({x}, {y}), {compression} compression, {}{copied}",
+            self.label, self.width, self.height, self.chunks
         )?;
         writeln!(f, "    {}", self.channels.join(", "))?;
         match &self.refusal {

@@ -1,0 +1,36 @@
+//! Numbers as people write them, and what they are told if they do not.
+
+use std::num::{NonZeroU32, NonZeroUsize};
+use std::str::FromStr;
+
+use linpred::Error;
+
+/// Parses a number of threads.
+pub(crate) fn parse_threads(text: &str) -> Result<NonZeroUsize, Error> {
+    parse(
+        text,
+        "write 1 or more, or leave it out for one thread on each processor",
+    )
+}
+
+/// Parses a number of samples per pixel.
+pub(crate) fn parse_spp(text: &str) -> Result<NonZeroU32, Error> {
+    parse(
+        text,
+        "write 1 or more, or leave it out for what the file states",
+    )
+}
+
+/// Parses a number of models that must predict a pixel.
+pub(crate) fn parse_coverage(text: &str) -> Result<u16, Error> {
+    let advice = "write a number from 1 to 1024, or leave it out for that of --quality";
+    let number = parse(text, advice)?;
+    match number {
+        1..=1024 => Ok(number),
+        _ => Err(Error::Usage(advice.into())),
+    }
+}
+
+fn parse<T: FromStr>(text: &str, advice: &str) -> Result<T, Error> {
+    text.parse().map_err(|_| Error::Usage(advice.into()))
+}
