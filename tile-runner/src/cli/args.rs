@@ -173,8 +173,8 @@ What is measured (a: the image, f: the reference; luminance is 0.2126 R + 0.7152
   MSE        mean over pixels and channels of (a - f)^2
   PSNR       of both images clamped to 0..1 and coded as sRGB, dB; 120 for equal ones
   FLIP       HDR-FLIP (Andersson et al. 2021), mean over the pixels: how different the images look shown in turn, 0 to 1. 67 pixels per
-             degree, ACES, exposures from f, as flip-evaluator 1.7 has them by default; differs from its figure by its rounding (1e-5 or
-             less at 256 x 256), and takes negative radiance for black. Most of the time goes here: 0.1 CPU seconds per megapixel for
+             degree, ACES, exposures from f, as flip-evaluator 1.7 has them by default; differs from its figure by its rounding (4e-6 or
+             less at 256 x 256), and takes negative radiance for black. Most of the time goes here: 0.11 CPU seconds per megapixel for
              each exposure, one for each stop from the median to the maximum of f; half as much again with --input
   mean       radiance, mean over pixels and channels
   energy     mean of a / mean of f: 1 if no light is lost

@@ -25,7 +25,8 @@ pub struct Figures {
     /// PSNR in dB of both images clamped to 0..1 and coded as sRGB; 120 for equal ones.
     pub psnr: f64,
     /// HDR-FLIP (Andersson et al. 2021), mean over the pixels: how different the images look when they are shown in turn, 0 the same, 1 as green and blue.
-    /// Within 1e-6 of the map of `flip-evaluator` 1.7 with its defaults, 67 pixels per degree and ACES; see [`Comparing`](super::Comparing::measure) for the cost.
+    /// Within 1e-6 of the mean of the map of `flip-evaluator` 1.7 with its defaults, 67 pixels per degree and ACES, for radiance that is not negative.
+    /// [`Comparing::measure`](super::Comparing::measure) says what it costs.
     pub flip: f64,
     /// Mean radiance over pixels and channels.
     pub mean: f64,
