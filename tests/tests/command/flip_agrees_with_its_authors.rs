@@ -99,9 +99,9 @@ fn neither_threads_nor_memory_change_a_digit() {
         .run(&["--threads", "512", "--max-memory", "8M"])
         .exits_with(4)
         .complains_about(&["--max-memory is 8.0 MiB"]);
-    // nor does what else is measured, by the same threads
-    let alone = files.json(&["--threads", "2"]);
-    assert_eq!(alone["flip"], expected["flip"]);
+    // nor does what else is measured beside an image
+    assert_eq!(files.json(&[])["flip"], expected["flip"]);
+    assert_eq!(flip(size, &input, &f), expected["input"]["flip"]);
 }
 
 #[test]
@@ -114,6 +114,15 @@ fn pixels_that_are_not_finite_are_left_out_and_spoil_no_neighbour() {
     let mut hole = f.clone();
     hole[1][30 * 40 + 7] = f32::NAN;
     assert_eq!(flip(size, &a, &hole), 0.0);
+    // beside a hole, a difference is seen as if both images were black there
+    a = f.clone();
+    a[1][30 * 40 + 9] += 0.5;
+    let beside = flip(size, &a, &hole);
+    let mut black = f.clone();
+    black.iter_mut().for_each(|plane| plane[30 * 40 + 7] = 0.0);
+    a[0][30 * 40 + 7] = f32::NAN;
+    assert_eq!(beside, flip(size, &a, &black));
+    assert!(beside > 0.0);
     let nothing = planes(size, |_, _, _| f32::NAN);
     let files = Files::new(size, channels(&nothing), channels(&f), None);
     assert!(files.json(&[])["flip"].is_null());
