@@ -7,22 +7,22 @@ use linpred_tests::command::{Ran, linpred};
 use linpred_tests::images::{NamedSamples, colour, constant, float, noise, part, write};
 use serde_json::Value;
 
-type Size = (usize, usize);
+pub(super) type Size = (usize, usize);
 
 const SIZE: Size = (31, 17);
 const PIXELS: usize = SIZE.0 * SIZE.1;
 
 /// Three channels, row by row.
-type Planes = [Vec<f32>; 3];
+pub(super) type Planes = [Vec<f32>; 3];
 
-fn planes(size: Size, value: impl Fn(usize, usize, usize) -> f32) -> Planes {
+pub(super) fn planes(size: Size, value: impl Fn(usize, usize, usize) -> f32) -> Planes {
     [0, 1, 2].map(|k| {
         let pixels = (0..size.1).flat_map(|y| (0..size.0).map(move |x| (x, y)));
         pixels.map(|(x, y)| value(k, x, y)).collect()
     })
 }
 
-fn channels(planes: &Planes) -> Vec<NamedSamples> {
+pub(super) fn channels(planes: &Planes) -> Vec<NamedSamples> {
     let named = ["R", "G", "B"].into_iter().zip(planes);
     named
         .map(|(name, plane)| (name.into(), FlatSamples::F32(plane.clone())))
@@ -52,13 +52,18 @@ fn truth(size: Size) -> Planes {
     })
 }
 
-struct Files {
+pub(super) struct Files {
     folder: tempfile::TempDir,
 }
 
 impl Files {
     /// a.exr, f.exr and, if there is one, in.exr.
-    fn new(size: Size, a: Vec<NamedSamples>, f: Vec<NamedSamples>, input: Option<&Planes>) -> Self {
+    pub(super) fn new(
+        size: Size,
+        a: Vec<NamedSamples>,
+        f: Vec<NamedSamples>,
+        input: Option<&Planes>,
+    ) -> Self {
         let files = Self {
             folder: tempfile::tempdir().unwrap(),
         };
@@ -70,11 +75,11 @@ impl Files {
         files
     }
 
-    fn path(&self, name: &str) -> std::path::PathBuf {
+    pub(super) fn path(&self, name: &str) -> std::path::PathBuf {
         self.folder.path().join(name)
     }
 
-    fn run(&self, options: &[&str]) -> Ran {
+    pub(super) fn run(&self, options: &[&str]) -> Ran {
         let mut arguments = vec!["compare".into(), self.path("a.exr"), self.path("f.exr")];
         arguments.extend(options.iter().map(|&option| match option.split_once('.') {
             // a file of this folder
@@ -84,7 +89,7 @@ impl Files {
         linpred(arguments)
     }
 
-    fn json(&self, options: &[&str]) -> Value {
+    pub(super) fn json(&self, options: &[&str]) -> Value {
         let options = [options, &["--json"]].concat();
         serde_json::from_str(&self.run(&options).succeeds().stdout()).unwrap()
     }
@@ -132,6 +137,7 @@ impl Definition<'_> {
             ("rmse", self.mean(relative)),
             ("mse", self.mean(|a, f| (a - f).powi(2))),
             ("psnr", -10.0 * tonemapped.max(1e-12).log10()),
+            ("mean", self.mean(|a, _| a)),
             ("energy", self.mean(|a, _| a) / self.mean(|_, f| f)),
             ("bias", mean(local.iter().copied())),
             ("off5", mean(off)),
@@ -256,13 +262,14 @@ fn every_figure_is_as_defined_at_every_size() {
         let (a, f) = (render(size, 5), truth(size));
         let figures = Files::new(size, channels(&a), channels(&f), None).json(&[]);
         let variance = 0.0;
-        Definition {
+        let definition = Definition {
             size,
             a: &a,
             f: &f,
             variance,
-        }
-        .assert(&figures);
+        };
+        definition.assert(&figures);
+        assert_close(&figures["reference_mean"], definition.mean(|_, f| f));
         for (sum, name) in specks.iter_mut().zip(["pinholes", "sparks"]) {
             *sum += figures[name].as_f64().unwrap();
         }
@@ -301,12 +308,24 @@ fn the_input_is_measured_like_the_image_and_the_gain_is_between_them() {
     };
     definition(&a).assert(&figures);
     definition(&input).assert(&figures["input"]);
+    assert!(figures["input"]["flip"].is_f64(), "{figures}");
     let rmse = |of: &Value| of["rmse"].as_f64().unwrap();
     assert_close(&figures["gain"], rmse(&figures["input"]) / rmse(&figures));
-    files
-        .run(&["--input", "in.exr"])
-        .succeeds()
-        .prints(&["image         input\n", "gain"]);
+    let text = files.run(&["--input", "in.exr"]).succeeds().stdout();
+    let (table, rest) = text.split_once("\ngain").expect("a gain");
+    let (heading, lines) = table.split_once('\n').expect("a heading");
+    assert!(heading.ends_with("image         input"), "{heading}");
+    for line in lines.lines() {
+        // a name of up to 10 letters, then a number in each column
+        let numbers = [&line[10..24], &line[24..38]];
+        let numbers = numbers.map(|number| number.trim().parse::<f64>());
+        assert!(numbers.iter().all(Result::is_ok), "{line}");
+    }
+    let own = format!("{:.6}", definition(&a).mean(|_, f| f));
+    assert!(
+        rest.contains(&format!("the reference's mean radiance: {own}\n")),
+        "{rest}"
+    );
     let alone = files.run(&[]).succeeds().stdout();
     assert!(
         !alone.contains("input") && !alone.contains("gain"),
@@ -499,4 +518,31 @@ fn a_picture_that_fails_on_the_way_leaves_nothing_behind() {
     files.run(&["--picture", "a.exr"]).exits_with(2);
     let left = std::fs::read_dir(files.folder.path()).unwrap().count();
     assert_eq!(left, 2, "the two images");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn figures_that_cannot_be_written_are_an_error_unless_nobody_reads_them() {
+    let files = Files::new(SIZE, colour(PIXELS), colour(PIXELS), None);
+    let compare = |out: std::process::Stdio| {
+        let mut command = std::process::Command::new(linpred_tests::command::linpred_path());
+        command
+            .arg("compare")
+            .args(["a.exr", "f.exr"].map(|name| files.path(name)));
+        let ran = command.stdout(out).output().expect("linpred runs");
+        (
+            ran.status.code(),
+            String::from_utf8_lossy(&ran.stderr).into_owned(),
+        )
+    };
+    let full = std::fs::File::options().write(true).open("/dev/full");
+    let (code, said) = compare(full.unwrap().into());
+    assert_eq!(code, Some(1), "{said}");
+    assert!(
+        said.contains("cannot write to standard output: No space"),
+        "{said}"
+    );
+    let (reader, closed) = std::io::pipe().unwrap();
+    drop(reader);
+    assert_eq!(compare(closed.into()), (Some(0), String::new()));
 }

@@ -204,8 +204,14 @@ pub(crate) struct SurveyArguments {
 What is measured (a: the image, f: the reference; luminance is 0.2126 R + 0.7152 G + 0.0722 B; images are mirrored at their borders):
   rMSE       mean over pixels and channels of ((a - f)^2 - var f) / (f^2 + 0.01); var f is the reference's own variance of the mean, read
              from its channels variance.R, variance.G and variance.B if it has them
+             A mean, so it can be slightly negative, as that of the reference against itself is: its noise is taken off all the same
   MSE        mean over pixels and channels of (a - f)^2
   PSNR       of both images clamped to 0..1 and coded as sRGB, dB; 120 for equal ones
+  FLIP       HDR-FLIP (Andersson et al. 2021), mean over the pixels: how different the images look shown in turn, 0 to 1. 67 pixels per
+             degree, ACES, exposures from f, as flip-evaluator 1.7 has them by default; differs from its figure by its rounding (4e-6 or
+             less at 256 x 256), and takes negative radiance for black. Most of the time goes here: 0.11 CPU seconds per megapixel for
+             each exposure, one for each stop from the median to the maximum of f; half as much again with --input
+  mean       radiance, mean over pixels and channels
   energy     mean of a / mean of f: 1 if no light is lost
   bias       mean of (A - F) / (F + 0.01), with A and F the mean luminances of 17 x 17 pixels: light lost or won locally
   off5       share of the pixels where that is beyond +-5 %
@@ -215,8 +221,8 @@ What is measured (a: the image, f: the reference; luminance is 0.2126 R + 0.7152
              f is added to each luminance
   gain       rMSE of the --input / rMSE of the image
   worst      the pixels of the largest relative squared error, and the squares of 32 x 32 pixels with the largest sum of it
-One measure alone misleads: rMSE pays for darkness, and does not see specks. FLIP is not measured. Samples that are not finite are
-counted, and take part in no figure.
+One measure alone misleads: rMSE pays for darkness, and does not see specks. Samples that are not finite are counted, and take part
+in no figure. With --input, each is measured of that, too.
 
 Examples:
   linpred compare clean.exr reference.exr
@@ -239,6 +245,9 @@ pub(crate) struct CompareArguments {
     /// places of 32 x 32 pixels, each 4 times as large, without the error
     #[arg(long, value_name = "OUT.png")]
     pub(crate) picture: Option<PathBuf>,
+    /// Threads that compute FLIP; no figure depends on it [default: all processors]
+    #[arg(long, value_name = "N")]
+    pub(crate) threads: Option<NonZeroUsize>,
     /// Memory that may be used, such as 256M [default: 2G]
     #[arg(long, value_name = "SIZE", value_parser = parse_size)]
     pub(crate) max_memory: Option<u64>,

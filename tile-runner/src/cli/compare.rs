@@ -1,6 +1,6 @@
 //! `linpred compare`.
 
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
@@ -10,6 +10,7 @@ use linpred::job::{CompareRequest, Comparing, Comparison, DEFAULT_MEMORY_LIMIT, 
 use linpred::{Error, ImageSize};
 
 use super::args::CompareArguments;
+use super::denoise::all_threads;
 use super::heatmap::Heatmap;
 use super::picture::Picture;
 use super::png_rows;
@@ -21,7 +22,8 @@ pub(crate) fn run(arguments: CompareArguments) -> Result<ExitCode, Error> {
     let request = CompareRequest::new(arguments.image, arguments.reference)
         .with_input(arguments.input)
         .with_map(arguments.map)
-        .with_memory_limit(limit);
+        .with_memory_limit(limit)
+        .with_threads(arguments.threads.unwrap_or_else(all_threads));
     let paths = Paths {
         heatmap: arguments.heatmap,
         picture: arguments.picture,
@@ -29,18 +31,29 @@ pub(crate) fn run(arguments: CompareArguments) -> Result<ExitCode, Error> {
     paths.check(&request)?;
     let mut images = Comparing::open(&request)?;
     let (size, has_input) = (images.size(), request.input.is_some());
-    let mut plan = images.plan();
-    plan.add("pictures", paths.bytes(size, has_input));
-    plan.check(limit)?;
+    images.reserve("pictures", paths.bytes(size, has_input));
+    images.plan().check(limit)?;
     let drawn = paths.create(size, has_input)?;
     let comparison = measure(&mut images, drawn, &stop::on_signals())?;
     let text = match arguments.json {
         true => format!("{}\n", serde_json::json!(comparison)),
         false => in_words(&comparison),
     };
-    // nobody is left to be told when standard output is closed
-    let _ = std::io::stdout().write_all(text.as_bytes());
+    print(&text)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Writes to standard output, and says so if that fails; but nobody is left to be told when a pipe is closed.
+fn print(text: &str) -> Result<(), Error> {
+    let mut out = std::io::stdout().lock();
+    let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+    match written {
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        other => other.map_err(|source| Error::Write {
+            context: "cannot write to standard output".into(),
+            source,
+        }),
+    }
 }
 
 /// Which pictures are asked for.
@@ -118,10 +131,12 @@ fn measure(
 /// A line of the table: its name, the figure, its decimals, what to know of it.
 type Line = (&'static str, fn(&Figures) -> f64, usize, &'static str);
 
-const LINES: [Line; 10] = [
+const LINES: [Line; 12] = [
     ("rMSE", |f| f.rmse, 6, ""),
     ("MSE", |f| f.mse, 6, ""),
     ("PSNR", |f| f.psnr, 2, "dB, tone-mapped"),
+    ("FLIP", |f| f.flip, 4, "0: looks the same"),
+    ("mean", |f| f.mean, 6, "radiance"),
     ("energy", |f| f.energy, 4, "1: no light is lost"),
     ("bias", |f| f.bias, 4, "0: nor locally"),
     ("off5", |f| 100.0 * f.off5, 2, "% of the pixels"),
@@ -148,12 +163,13 @@ fn in_words(comparison: &Comparison) -> String {
     if let Some(gain) = comparison.gain {
         text += &format!("{:<10}{gain:>14.2}\n", "gain");
     }
+    let mean = comparison.reference_mean;
     let own = match comparison.reference_has_variance {
         true => "taken off the relative errors",
         false => "not known",
     };
     text + &format!(
-        "the reference's own noise: {own}\n{}",
+        "the reference's mean radiance: {mean:.6}\nthe reference's own noise: {own}\n{}",
         worst_in_words(comparison)
     )
 }

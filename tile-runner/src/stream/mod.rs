@@ -18,4 +18,4 @@ mod row_of_cells;
 pub(crate) mod row_ring;
 mod sum_rows;
 pub mod survey;
-mod threads;
+pub(crate) mod threads;

@@ -24,6 +24,12 @@ pub struct Figures {
     pub mse: f64,
     /// PSNR in dB of both images clamped to 0..1 and coded as sRGB; 120 for equal ones.
     pub psnr: f64,
+    /// HDR-FLIP (Andersson et al. 2021), mean over the pixels: how different the images look when they are shown in turn, 0 the same, 1 as green and blue.
+    /// Within 1e-6 of the mean of the map of `flip-evaluator` 1.7 with its defaults, 67 pixels per degree and ACES, for radiance that is not negative.
+    /// [`Comparing::measure`](super::Comparing::measure) says what it costs.
+    pub flip: f64,
+    /// Mean radiance over pixels and channels.
+    pub mean: f64,
     /// Mean of the image over the mean of the reference: 1 if no light is lost.
     pub energy: f64,
     /// Mean over pixels of (A - F) / (F + 0.01), with the means A, F of the luminance over 17 x 17 pixels: light lost or won locally.
@@ -51,6 +57,8 @@ pub struct Comparison {
     pub figures: Figures,
     /// Those of what it was made of, if that is known.
     pub input: Option<Figures>,
+    /// Mean radiance of the reference, over the samples that the image's is of.
+    pub reference_mean: f64,
     /// rMSE of the input over that of the image.
     pub gain: Option<f64>,
     /// Whether the reference says how noisy it is itself.
@@ -63,24 +71,32 @@ pub struct Comparison {
 
 impl Comparison {
     pub(super) fn new(
-        (figures, worst): (Figures, Vec<WorstPixel>),
-        input: Option<(Figures, Vec<WorstPixel>)>,
+        image: Measured,
+        input: Option<Measured>,
         worst_places: Vec<WorstPlace>,
         reference_has_variance: bool,
     ) -> Self {
-        let input = input.map(|(figures, _)| figures);
+        let (figures, input) = (image.figures, input.map(|input| input.figures));
         Self {
             gain: input.as_ref().map(|input| input.rmse / figures.rmse),
             figures,
             input,
+            reference_mean: image.reference_mean,
             reference_has_variance,
-            worst,
+            worst: image.worst,
             worst_places,
         }
     }
 }
 
-/// All measures of an image, fed row by row.
+/// What was found of an image.
+pub(super) struct Measured {
+    figures: Figures,
+    reference_mean: f64,
+    worst: Vec<WorstPixel>,
+}
+
+/// All measures of an image but FLIP, fed row by row.
 pub(super) struct Measures {
     pixels: PixelSums,
     window: Window,
@@ -123,7 +139,8 @@ impl Measures {
         &self.errors
     }
 
-    pub(super) fn finish(self) -> (Figures, Vec<WorstPixel>) {
+    /// With the mean of FLIP, which is measured of all images at once.
+    pub(super) fn finish(self, flip: f64) -> Measured {
         let Self {
             pixels,
             light,
@@ -134,6 +151,8 @@ impl Measures {
             rmse: pixels.rmse(),
             mse: pixels.mse(),
             psnr: pixels.psnr(),
+            flip,
+            mean: pixels.mean(),
             energy: pixels.energy(),
             bias: light.bias(),
             off5: light.off5(),
@@ -142,6 +161,10 @@ impl Measures {
             sparks: specks.sparks(),
             non_finite: pixels.non_finite(),
         };
-        (figures, pixels.into_worst())
+        Measured {
+            figures,
+            reference_mean: pixels.reference_mean(),
+            worst: pixels.into_worst(),
+        }
     }
 }

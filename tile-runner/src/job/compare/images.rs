@@ -1,5 +1,6 @@
 //! The images of a comparison as rows.
 
+use std::num::NonZeroUsize;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -28,10 +29,12 @@ pub struct CompareRequest {
     pub map: Vec<Mapping>,
     /// Bytes that may be used.
     pub memory_limit: u64,
+    /// Threads that compute FLIP; fewer where all would take more than the limit. No figure depends on it.
+    pub threads: NonZeroUsize,
 }
 
 impl CompareRequest {
-    /// `image` against `reference`, in up to [`DEFAULT_MEMORY_LIMIT`] bytes.
+    /// `image` against `reference`, in up to [`DEFAULT_MEMORY_LIMIT`] bytes, on as many threads as there are processors.
     pub fn new(image: impl Into<PathBuf>, reference: impl Into<PathBuf>) -> Self {
         Self {
             image: image.into(),
@@ -39,6 +42,7 @@ impl CompareRequest {
             input: None,
             map: Vec::new(),
             memory_limit: DEFAULT_MEMORY_LIMIT,
+            threads: std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN),
         }
     }
 
@@ -58,6 +62,11 @@ impl CompareRequest {
             memory_limit,
             ..self
         }
+    }
+
+    /// With up to so many threads.
+    pub fn with_threads(self, threads: NonZeroUsize) -> Self {
+        Self { threads, ..self }
     }
 }
 

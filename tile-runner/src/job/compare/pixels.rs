@@ -121,6 +121,14 @@ impl PixelSums {
             .log10()
     }
 
+    pub(super) fn mean(&self) -> f64 {
+        self.light.0 / self.samples as f64
+    }
+
+    pub(super) fn reference_mean(&self) -> f64 {
+        self.light.1 / self.samples as f64
+    }
+
     pub(super) fn energy(&self) -> f64 {
         self.light.0 / self.light.1
     }

@@ -1,4 +1,4 @@
-//! Quantiles of values too many to hold, exactly: radix selection in several passes over them.
+//! Values at given places of an order too long to hold, exactly: radix selection in several passes over them.
 
 use crate::error::Error;
 
@@ -6,37 +6,113 @@ use crate::error::Error;
 const DIGIT: u32 = 16;
 /// Values that are collected and sorted at last: they take as much memory as the bins do.
 const COLLECTED: u64 = 1 << 16;
-/// Bytes of bins and collected values.
-pub(super) const BYTES: u64 = 2 * COLLECTED * size_of::<u64>() as u64;
+/// Bytes of bins and collected values of `places` that are searched for at once.
+pub(super) const fn bytes(places: u64) -> u64 {
+    places * 2 * COLLECTED * size_of::<u64>() as u64
+}
 
-/// The values below which `share` of them lies, as `numpy.quantile` defines it: linear between the two nearest in order. NaN if there are none.
+/// The values at `places` of all of them in order, from 0 on; between two it is linear. NaN if there are none.
 ///
-/// `pass` gives all values to its argument, the same ones whenever it is called, none of them NaN: some two or three times, at most five.
-pub(super) fn quantile(
-    share: f64,
+/// `pass` gives all values to its argument, the same ones whenever it is called, none of them NaN: some two or three times, at most five. A place is asked for
+/// after the first time, with the number of the values, and lies among them.
+pub(super) fn values_at<const N: usize>(
+    places: [&dyn Fn(u64) -> f64; N],
     mut pass: impl FnMut(&mut dyn FnMut(f64)) -> Result<(), Error>,
-) -> Result<f64, Error> {
-    let mut bins = vec![0; 1 << DIGIT];
-    let mut found = Prefix::default();
-    pass(&mut |value| found.count(&mut bins, key(value)))?;
-    let values: u64 = bins.iter().sum();
+) -> Result<[f64; N], Error> {
+    let mut searches = places.map(|_| Search::new());
+    let mut count = |searches: &mut [Search; N]| {
+        pass(&mut |value| {
+            let key = key(value);
+            searches.iter_mut().for_each(|search| search.take(key));
+        })
+    };
+    count(&mut searches)?;
+    let values: u64 = searches.first().map_or(0, Search::counted);
     if values == 0 {
-        return Ok(f64::NAN);
+        return Ok([f64::NAN; N]);
     }
-    let position = share * (values - 1) as f64;
-    let rank = position.floor() as u64;
-    found.narrow(&bins, rank);
-    while found.inside > COLLECTED && found.bits < u64::BITS {
-        bins.fill(0);
-        pass(&mut |value| found.count(&mut bins, key(value)))?;
-        found.narrow(&bins, rank);
+    for (search, place) in searches.iter_mut().zip(places) {
+        search.look_at(place(values), values);
     }
-    let mut collected = Collected::default();
-    pass(&mut |value| collected.take(&found, key(value)))?;
-    collected.keys.sort_unstable();
-    let low = collected.value(&found, rank);
-    let high = collected.value(&found, (rank + 1).min(values - 1));
-    Ok(between(low, high, position - rank as f64))
+    while searches.iter().any(|search| !search.done) {
+        count(&mut searches)?;
+        searches.iter_mut().for_each(Search::go_on);
+    }
+    Ok(searches.map(|search| search.value()))
+}
+
+/// The search for the value at one place.
+struct Search {
+    bins: Vec<u64>,
+    found: Prefix,
+    collected: Option<Collected>,
+    done: bool,
+    /// Where it is, and how many values there are.
+    place: f64,
+    values: u64,
+}
+
+impl Search {
+    fn new() -> Self {
+        Self {
+            bins: vec![0; 1 << DIGIT],
+            found: Prefix::default(),
+            collected: None,
+            done: false,
+            place: 0.0,
+            values: 0,
+        }
+    }
+
+    /// Takes a key of a pass.
+    fn take(&mut self, key: u64) {
+        match &mut self.collected {
+            _ if self.done => {}
+            None => self.found.count(&mut self.bins, key),
+            Some(collected) => collected.take(&self.found, key),
+        }
+    }
+
+    /// The keys of the first pass.
+    fn counted(&self) -> u64 {
+        self.bins.iter().sum()
+    }
+
+    fn look_at(&mut self, place: f64, values: u64) {
+        (self.place, self.values) = (place, values);
+        self.go_on();
+    }
+
+    fn rank(&self) -> u64 {
+        self.place.floor() as u64
+    }
+
+    /// After a pass: says what the next one is for.
+    fn go_on(&mut self) {
+        if self.collected.is_some() {
+            self.done = true;
+            return;
+        }
+        self.found.narrow(&self.bins, self.rank());
+        match self.found.inside > COLLECTED && self.found.bits < u64::BITS {
+            true => self.bins.fill(0),
+            false => self.collected = Some(Collected::default()),
+        }
+    }
+
+    fn value(self) -> f64 {
+        let rank = self.rank();
+        let mut collected = self.collected.unwrap_or_default();
+        collected.keys.sort_unstable();
+        let low = collected.value(&self.found, rank);
+        let high = collected.value(&self.found, (rank + 1).min(self.values - 1));
+        between(low, high, self.place - rank as f64)
+    }
+}
+
+/// The place below which `share` of so many values lies, as `numpy.quantile` defines it.
+pub(super) fn quantile(share: f64, values: u64) -> f64 {
+    share * (values - 1) as f64
 }
 
 /// From `low` to `high`, rounded as numpy rounds: a threshold between equal values is that value.
@@ -143,11 +219,20 @@ mod tests {
     use super::*;
 
     fn of(values: &[f64], share: f64) -> f64 {
-        quantile(share, |each| {
+        let place = |values| quantile(share, values);
+        // beside others, which take other numbers of passes
+        let places: [&dyn Fn(u64) -> f64; 3] = [&|_| 0.0, &place, &|values| (values / 2) as f64];
+        let found = values_at(places, |each| {
             values.iter().for_each(|&value| each(value));
             Ok(())
-        })
-        .unwrap()
+        });
+        let [least, found, upper_median] = found.unwrap();
+        if !values.is_empty() {
+            let mut sorted = values.to_vec();
+            sorted.sort_by(f64::total_cmp);
+            assert_eq!((least, upper_median), (sorted[0], sorted[values.len() / 2]));
+        }
+        found
     }
 
     /// By sorting all of them.
