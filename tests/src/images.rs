@@ -126,11 +126,20 @@ pub fn write(path: &Path, size: (usize, usize), parts: Vec<TestPart>) {
             let mut attributes = part.name.map(LayerAttributes::named).unwrap_or_default();
             attributes.layer_position = Vec2(3, -5);
             attributes.comments = Some("a comment".into());
-            attributes.other.extend(
-                part.attributes
-                    .into_iter()
-                    .map(|(name, value)| (name.into(), value)),
-            );
+            for (name, value) in part.attributes {
+                match (name, value) {
+                    ("view", AttributeValue::Text(view)) => attributes.view_name = Some(view),
+                    ("multiView", AttributeValue::TextVector(views)) => {
+                        attributes.multi_view_names = Some(views);
+                    }
+                    ("envmap", AttributeValue::EnvironmentMap(kind)) => {
+                        attributes.environment_map = Some(kind);
+                    }
+                    (name, value) => {
+                        attributes.other.insert(name.into(), value);
+                    }
+                }
+            }
             let channels = part
                 .channels
                 .into_iter()

@@ -123,12 +123,11 @@ fn keep_even<const T: usize, const L: usize>(
     even: &[bool; L],
     centre: &Rgb<L>,
 ) {
-    for c in 0..CHANNELS {
-        for t in 0..T {
+    for (channel, centre) in coefficients.iter_mut().zip(centre) {
+        for (t, coefficient) in channel.iter_mut().enumerate() {
             for l in 0..L {
-                let value = if t == 0 { centre[c][l] } else { 0.0 };
-                let fitted = coefficients[c][t][l];
-                coefficients[c][t][l] = if even[l] { value } else { fitted };
+                let value = if t == 0 { centre[l] } else { 0.0 };
+                coefficient[l] = if even[l] { value } else { coefficient[l] };
             }
         }
     }

@@ -208,15 +208,15 @@ fn a_colour_that_is_missing() {
 #[test]
 fn a_colour_that_may_be_one_of_several() {
     let place = Place::new();
-    let channels = ["left", "right"]
+    let channels = ["key", "fill"]
         .iter()
         .flat_map(|layer| ["R", "G", "B"].map(|c| half(&format!("{layer}.{c}"), PIXELS, 1)));
     write(&place.input(), SIZE, vec![part(channels.collect())]);
     place
         .denoise(&[])
         .exits_with(3)
-        .complains_about(&["\"left\", \"right\"", "--map colour="]);
-    place.denoise(&["--map", "colour=left"]).succeeds();
+        .complains_about(&["\"fill\", \"key\"", "--map colour="]);
+    place.denoise(&["--map", "colour=key"]).succeeds();
 }
 
 #[test]

@@ -168,8 +168,14 @@ fn channels(width: usize, calm: usize) -> Vec<NamedSamples> {
         let still = values.iter_mut().take(calm * width);
         match name.as_str() {
             "variance.R" | "variance.G" | "variance.B" => still.for_each(|v| *v = 0.0),
-            "G" => values[60 * width + 11] = f32::NAN,
+            // without noise is also without what looks like it
+            "R" | "G" | "B" => still
+                .zip(0..)
+                .for_each(|(v, i)| *v = 1.0 + (i % width) as f32),
             _ => {}
+        }
+        if name == "G" {
+            values[60 * width + 11] = f32::NAN;
         }
     }
     channels

@@ -74,7 +74,8 @@ fn progress_says_of_which_file_and_frame_it_is_and_since_when() {
 #[test]
 fn the_report_counts_what_was_done() {
     let folder = tempfile::tempdir().unwrap();
-    denoise(folder.path(), (20, 40), &[]).complains_about(&["out.exr: 800 pixels", "repaired"]);
+    denoise(folder.path(), (20, 40), &[])
+        .complains_about(&["out.exr: the colour denoised, 800 pixels", "repaired"]);
     let json = denoise(folder.path(), (20, 40), &["--log-format", "json"]);
     let report = json.report();
     assert_eq!(
@@ -100,7 +101,7 @@ fn a_signal_ends_the_job_and_leaves_nothing_behind() {
                 "-o".as_ref(),
                 output.as_os_str(),
             ])
-            .args(["--progress", "json"])
+            .args(["--progress", "json", "--quiet"])
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();

@@ -1,11 +1,16 @@
 //! EXR files: what is found in them, and what is written.
 
+mod alpha_follows_the_colour;
 mod bands_make_the_frame;
+mod borders_of_pictures;
 mod compressions_of_later_versions;
 mod damaged_files;
 mod deep_parts_are_copied;
 mod file_layout_changes_no_bit;
+mod identifiers_are_kept;
 mod kept_as_they_are;
 mod roles_by_renderer;
 mod rows_find_their_channels;
 mod threads_change_no_bit;
+mod variances_that_are_none;
+mod views_are_pictures_of_their_own;

@@ -434,7 +434,7 @@ fn a_feature_of_another_window_is_used_where_it_is() {
         warning.contains("albedo is not known everywhere"),
         "{warning}"
     );
-    assert!(warning.contains("4 x 3 pixels at (1, 0)"), "{warning}");
+    assert!(warning.contains("4 x 3 pixels at (4, -5)"), "{warning}");
     let mut source = input.source(1 << 30).unwrap();
     let mut row = InputRow::new(&source.layout());
     source.read_row(0, &mut row).unwrap();
@@ -507,4 +507,77 @@ fn a_depth_beside_the_colour_of_a_part_is_not_its_variance() {
         played_by(&input, Role::DepthVariance),
         strings(&["ZVariance.Z"])
     );
+}
+
+#[test]
+fn a_y_beside_an_x_is_no_luminance_and_a_depth_alone_no_colour() {
+    let vector = |name| TestPart {
+        name: Some(name),
+        ..image(&["X", "Y", "Z"], vec![])
+    };
+    let main = TestPart {
+        name: Some("main"),
+        ..image(&["R", "G", "B"], vec![])
+    };
+    let input = auto(vec![vector("N"), main]);
+    assert_eq!(input.roles.colour.map(|at| at.part), [1; 3]);
+    let input = auto(vec![image(&["X", "Y", "Z", "C.R", "C.G", "C.B"], vec![])]);
+    assert_eq!(
+        played_by(&input, Role::Colour),
+        layer("C", &["R", "G", "B"])
+    );
+    for alone in ["Z", "depth.Z", "A", "id", "N.X", "noise.variance"] {
+        let error = open(vec![image(&[alone], vec![])], RoleRequest::default()).unwrap_err();
+        assert!(matches!(error, Error::Invalid(_)), "{alone}: {error}");
+    }
+    let input = auto(vec![image(&["Y"], vec![])]);
+    assert!(input.roles.mono());
+}
+
+#[test]
+fn layers_are_told_by_the_ends_of_their_names_however_they_are_put() {
+    for (names, role, expected) in [
+        (
+            &["albedo.red", "albedo.green", "albedo.blue"][..],
+            Role::Albedo,
+            3,
+        ),
+        (&["albedo_r", "albedo_g", "albedo_b"], Role::Albedo, 3),
+        (&["AlbedoRed", "AlbedoGreen", "AlbedoBlue"], Role::Albedo, 3),
+        (&["N.red", "N.green", "N.blue"], Role::Normal, 3),
+        (&["Nx", "Ny", "Nz"], Role::Normal, 3),
+        (&["normal_X", "normal_Y", "normal_Z"], Role::Normal, 3),
+        (&["depth.Z"], Role::Depth, 1),
+    ] {
+        let mut all = vec!["rgba.red", "rgba.green", "rgba.blue", "rgba.alpha"];
+        all.extend(names);
+        let input = auto(vec![image(&all, vec![])]);
+        assert_eq!(
+            played_by(&input, Role::Colour),
+            layer("rgba", &["red", "green", "blue"])
+        );
+        assert_eq!(played_by(&input, Role::Alpha), strings(&["rgba.alpha"]));
+        assert_eq!(played_by(&input, role).len(), expected, "{names:?}");
+        assert_eq!(played_by(&input, role), strings(names), "{names:?}");
+    }
+}
+
+#[test]
+fn a_name_is_accepted_as_inspect_prints_it() {
+    let map = |text| RoleRequest {
+        map: vec![Mapping::parse(text).unwrap()],
+        ..RoleRequest::default()
+    };
+    let names = [".R", ".G", ".B", ".depth"];
+    let input = open(vec![image(&names, vec![])], map("depth=.depth")).unwrap();
+    assert_eq!(played_by(&input, Role::Depth), strings(&[".depth"]));
+    let names = ["R", "G", "B", "kd.R", "kd.G", "kd.B"];
+    for (text, words) in [
+        ("depth=kd", "is a layer of"),
+        ("albedo=kd.R,kd.G", "no such channel or layer"),
+        ("normal=R", "is one channel of"),
+    ] {
+        let error = open(vec![image(&names, vec![])], map(text)).unwrap_err();
+        assert!(error.to_string().contains(words), "{text}: {error}");
+    }
 }

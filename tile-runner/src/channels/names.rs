@@ -191,8 +191,12 @@ impl ChannelNames {
 
     /// The full name of a channel, as it stands in the file but for a leading part's.
     pub fn name(&self, at: ChannelRef) -> String {
+        let own = self.files[at.file].parts()[at.part].channel_name(at.channel);
         let name = self.stored.iter().rfind(|name| name.at == at);
-        name.map(NamedChannel::full).unwrap_or_default()
+        match own.starts_with('.') {
+            true => own,
+            false => name.map(NamedChannel::full).unwrap_or(own),
+        }
     }
 
     /// Where a channel is, for messages: file, part, channel.

@@ -104,11 +104,10 @@ fn without(label: &str, view: &str) -> Option<String> {
         .strip_prefix(view)
         .and_then(|rest| rest.strip_prefix(BETWEEN));
     let middle = || {
-        let middle = BETWEEN.iter().find_map(|between| {
+        BETWEEN.iter().find_map(|between| {
             let (before, after) = label.split_once(&format!("{between}{view}{between}"))?;
             Some(format!("{before}{between}{after}"))
-        });
-        middle
+        })
     };
     end.or(start).map(str::to_owned).or_else(middle)
 }

@@ -201,10 +201,11 @@ pub(crate) struct SurveyArguments {
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-What is measured (a: the image, f: the reference; luminance is 0.2126 R + 0.7152 G + 0.0722 B; images are mirrored at their borders):
+What is measured (a: the image, f: the reference; luminance is 0.2126 R + 0.7152 G + 0.0722 B; images are mirrored at their borders,
+but for FLIP, which repeats the outermost pixels):
   rMSE       mean over pixels and channels of ((a - f)^2 - var f) / (f^2 + 0.01); var f is the reference's own variance of the mean, read
              from its channels variance.R, variance.G and variance.B if it has them
-             A mean, so it can be slightly negative, as that of the reference against itself is: its noise is taken off all the same
+             The reference against itself comes out slightly below 0: its own noise is taken off all the same
   MSE        mean over pixels and channels of (a - f)^2
   PSNR       of both images clamped to 0..1 and coded as sRGB, dB; 120 for equal ones
   FLIP       HDR-FLIP (Andersson et al. 2021), mean over the pixels: how different the images look shown in turn, 0 to 1. 67 pixels per
@@ -246,7 +247,7 @@ pub(crate) struct CompareArguments {
     #[arg(long, value_name = "OUT.png")]
     pub(crate) picture: Option<PathBuf>,
     /// Threads that compute FLIP; no figure depends on it [default: all processors]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = parse_threads)]
     pub(crate) threads: Option<NonZeroUsize>,
     /// Memory that may be used, such as 256M [default: 2G]
     #[arg(long, value_name = "SIZE", value_parser = parse_size)]

@@ -1,6 +1,5 @@
 //! `linpred compare`.
 
-use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
@@ -10,11 +9,10 @@ use linpred::job::{CompareRequest, Comparing, Comparison, DEFAULT_MEMORY_LIMIT, 
 use linpred::{Error, ImageSize};
 
 use super::args::CompareArguments;
-use super::denoise::all_threads;
 use super::heatmap::Heatmap;
 use super::picture::Picture;
 use super::png_rows;
-use super::stop;
+use super::{stdout, stop, threads};
 
 /// Prints the figures of a comparison, and draws what is asked for.
 pub(crate) fn run(arguments: CompareArguments) -> Result<ExitCode, Error> {
@@ -23,7 +21,7 @@ pub(crate) fn run(arguments: CompareArguments) -> Result<ExitCode, Error> {
         .with_input(arguments.input)
         .with_map(arguments.map)
         .with_memory_limit(limit)
-        .with_threads(arguments.threads.unwrap_or_else(all_threads));
+        .with_threads(threads::to_use(arguments.threads));
     let paths = Paths {
         heatmap: arguments.heatmap,
         picture: arguments.picture,
@@ -39,21 +37,8 @@ pub(crate) fn run(arguments: CompareArguments) -> Result<ExitCode, Error> {
         true => format!("{}\n", serde_json::json!(comparison)),
         false => in_words(&comparison),
     };
-    print(&text)?;
+    stdout::print(&text)?;
     Ok(ExitCode::SUCCESS)
-}
-
-/// Writes to standard output, and says so if that fails; but nobody is left to be told when a pipe is closed.
-fn print(text: &str) -> Result<(), Error> {
-    let mut out = std::io::stdout().lock();
-    let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
-    match written {
-        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
-        other => other.map_err(|source| Error::Write {
-            context: "cannot write to standard output".into(),
-            source,
-        }),
-    }
 }
 
 /// Which pictures are asked for.

@@ -62,10 +62,17 @@ fn warn(summary: &Summary, pictures: &[Input], total: &Report) {
             summary.clamped
         );
     }
-    // layers that are not parts of the colour do not sum to it anywhere
-    if summary.layers_off > 0 && summary.layers_off < counts.pixels / 2 {
-        let names = pictures.iter().flat_map(|picture| &picture.layers);
-        let names: Vec<&str> = names.map(|layer| layer.name.as_str()).collect();
+    let layers = pictures.iter().flat_map(|picture| &picture.layers);
+    let names: Vec<&str> = (layers.filter(|layer| layer.is_light))
+        .map(|layer| layer.name.as_str())
+        .collect();
+    // layers that sum to most of the colour claim to sum to all of it
+    if summary.layers_off > counts.pixels / 2 {
+        tracing::info!(
+            "the layers {} are not parts of the colour: they do not sum to it in the input",
+            names.join(" ")
+        );
+    } else if summary.layers_off > 0 {
         tracing::warn!(
             "the layers {} do not sum to the colour at {} of {} pixels, in the input already",
             names.join(" "),

@@ -23,17 +23,19 @@ impl Area {
     }
 }
 
-/// A picture whose left and right ends meet: each row with as many columns of its other end on both sides as a pixel may depend on.
+/// A picture whose left and right ends meet: each row with as many columns of its other end on both sides as a pixel may depend on. Or one whose ends do not,
+/// as it is.
 #[derive(Debug)]
 pub struct Wrapped<S> {
     inner: S,
-    row: InputRow,
+    /// A row without the columns that are put on; `None` if none are.
+    row: Option<InputRow>,
 }
 
 impl<S: RowSource> Wrapped<S> {
-    /// Wraps the rows of `inner` around.
-    pub fn new(inner: S) -> Self {
-        let row = InputRow::new(&inner.layout());
+    /// Wraps the rows of `inner` around, if its ends meet.
+    pub fn new(inner: S, meets: bool) -> Self {
+        let row = meets.then(|| InputRow::new(&inner.layout()));
         Self { inner, row }
     }
 
@@ -53,12 +55,18 @@ pub(crate) fn wrapped_layout(layout: RowLayout) -> RowLayout {
 
 impl<S: RowSource> RowSource for Wrapped<S> {
     fn layout(&self) -> RowLayout {
-        wrapped_layout(self.inner.layout())
+        match self.row {
+            Some(_) => wrapped_layout(self.inner.layout()),
+            None => self.inner.layout(),
+        }
     }
 
     fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), Error> {
-        self.inner.read_row(y, &mut self.row)?;
-        for (plane, own) in row.planes_mut().zip(self.row.planes()) {
+        let Some(own) = &mut self.row else {
+            return self.inner.read_row(y, row);
+        };
+        self.inner.read_row(y, own)?;
+        for (plane, own) in row.planes_mut().zip(own.planes()) {
             let before = plane.len().saturating_sub(own.len()) / 2;
             for (x, value) in plane.iter_mut().enumerate() {
                 let column = x as isize - before as isize;
@@ -73,29 +81,29 @@ impl<S: RowSource> RowSource for Wrapped<S> {
 #[derive(Debug)]
 pub struct Unwrapped<S> {
     inner: S,
-    row: OutputRow,
-    width: usize,
+    /// A row without what was put on; `None` if nothing was.
+    row: Option<OutputRow>,
 }
 
 impl<S: RowSink> Unwrapped<S> {
-    /// Passes rows of `layout`'s width, out of the middle of wider ones, to `inner`.
-    pub fn new(inner: S, layout: &RowLayout) -> Self {
-        Self {
-            inner,
-            row: OutputRow::new(layout),
-            width: layout.size.width(),
-        }
+    /// Passes rows of `layout` to `inner`, out of the middle of wider ones if the ends of the picture meet.
+    pub fn new(inner: S, layout: &RowLayout, meets: bool) -> Self {
+        let row = meets.then(|| OutputRow::new(layout));
+        Self { inner, row }
     }
 }
 
 impl<S: RowSink> RowSink for Unwrapped<S> {
     fn write_row(&mut self, y: usize, row: &OutputRow) -> Result<(), Error> {
-        for (own, plane) in self.row.planes_mut().zip(row.planes()) {
-            let before = plane.len().saturating_sub(self.width) / 2;
+        let Some(own) = &mut self.row else {
+            return self.inner.write_row(y, row);
+        };
+        for (own, plane) in own.planes_mut().zip(row.planes()) {
+            let before = plane.len().saturating_sub(own.len()) / 2;
             let width = own.len();
             own.copy_from_slice(&plane[before..before + width]);
         }
-        self.inner.write_row(y, &self.row)
+        self.inner.write_row(y, own)
     }
 }
 

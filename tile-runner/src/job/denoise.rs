@@ -116,16 +116,10 @@ fn sink(
     ExrSink::create(output, file, rewrite, &codec, limit, stop.clone())
 }
 
-/// What rows of a picture are made of.
-enum Source {
-    Plain(BandSource<ExrSource>),
-    Around(BandSource<Wrapped<ExrSource>>),
-}
-
 /// The rows of a picture that are to be written.
 struct Rows {
     /// What is computed; `None` if nothing was rendered in them.
-    source: Option<Source>,
+    source: Option<BandSource<Wrapped<ExrSource>>>,
     /// The rows to be written of those that are computed.
     within: Range<usize>,
     /// Where they are in the rows to be written.
@@ -134,6 +128,7 @@ struct Rows {
     layout: RowLayout,
     /// What is computed, before the ends of a panorama are put on.
     own_layout: RowLayout,
+    wraps: bool,
 }
 
 impl Rows {
@@ -157,20 +152,14 @@ impl Rows {
                 area: Area::whole(window),
                 layout,
                 own_layout: layout,
+                wraps: false,
             });
         };
         let own_layout = picture.layout().with_size(own);
         let rows = first - y..end - y;
-        let source = picture.source(limit)?;
-        let (source, above) = if picture.wrap {
-            let source = BandSource::new(Wrapped::new(source), &rows);
-            let above = source.first();
-            (Source::Around(source), above)
-        } else {
-            let source = BandSource::new(source, &rows);
-            let above = source.first();
-            (Source::Plain(source), above)
-        };
+        let source = Wrapped::new(picture.source(limit)?, picture.wrap);
+        let source = BandSource::new(source, &rows);
+        let above = source.first();
         Ok(Self {
             source: Some(source),
             within: rows.start - above..rows.end - above,
@@ -181,15 +170,13 @@ impl Rows {
             },
             layout,
             own_layout,
+            wraps: picture.wrap,
         })
     }
 
     fn layers_off(&self) -> u64 {
-        match &self.source {
-            Some(Source::Plain(source)) => source.inner().layers_off(),
-            Some(Source::Around(source)) => source.inner().inner().layers_off(),
-            None => 0,
-        }
+        let source = self.source.as_ref();
+        source.map_or(0, |source| source.inner().inner().layers_off())
     }
 
     /// Denoises them into `sink`, which takes rows from 0.
@@ -200,20 +187,13 @@ impl Rows {
         schedule: Schedule,
     ) -> Result<Report, Error> {
         let mut placed = Placed::new(Borrowed(sink), self.area, &self.layout);
-        let (within, own) = (self.within.clone(), self.own_layout);
-        match &mut self.source {
-            None => {
-                placed.write_empty(0, self.layout.size.height())?;
-                Ok(Report::default())
-            }
-            Some(Source::Plain(source)) => {
-                run(source, &mut BandSink::new(placed, within), params, schedule)
-            }
-            Some(Source::Around(source)) => {
-                let placed = Unwrapped::new(placed, &own);
-                run(source, &mut BandSink::new(placed, within), params, schedule)
-            }
-        }
+        let Some(source) = &mut self.source else {
+            placed.write_empty(0, self.layout.size.height())?;
+            return Ok(Report::default());
+        };
+        let unwrapped = Unwrapped::new(placed, &self.own_layout, self.wraps);
+        let mut sink = BandSink::new(unwrapped, self.within.clone());
+        run(source, &mut sink, params, schedule)
     }
 }
 

@@ -151,6 +151,18 @@ pub(super) fn memory_plan(
     plan
 }
 
+/// What looking at some rows of `input` holds in memory, those of its halves beside its own.
+pub(super) fn look_plan(input: &Input) -> MemoryPlan {
+    let mut plan = MemoryPlan::default();
+    add_tables(&mut plan, input);
+    add_reading(&mut plan, input);
+    add_reading(&mut plan, input);
+    add_coding(&mut plan, std::slice::from_ref(input), &[], true);
+    let row = InputRow::bytes(&input.layout());
+    plan.add("rows", row.saturating_mul(4));
+    plan
+}
+
 /// How many of `threads` threads a survey of `input` takes to stay within `limit` bytes of memory, one if it cannot, and its plan.
 pub(super) fn survey_plan(
     input: &Input,

@@ -39,7 +39,11 @@ pub(crate) fn select(
             true => matching(names, roles, pattern),
             false => named(names, roles, pattern)?,
         };
-        if found.is_empty() {
+        // the alpha is denoised in any case
+        let is_alpha = roles
+            .alpha
+            .is_some_and(|at| names.channel(0, pattern) == Some(at));
+        if found.is_empty() && !is_alpha {
             let path = names.files()[0].path().display();
             let problem = format!("{path} has no such layer beside its colour");
             return Err(wrong(pattern, problem));
@@ -118,13 +122,7 @@ fn named(names: &ChannelNames, roles: &Roles, wanted: &str) -> Result<Vec<Layer>
         }
         found.push(layer(names, roles, wanted, vec![at], false)?);
     }
-    // the alpha is denoised in any case
-    found.retain(|layer| {
-        !layer.channels.iter().any(|at| roles.alpha == Some(*at)) || layer.is_light
-    });
-    if found.is_empty() && channel.is_some_and(|at| roles.alpha == Some(at)) {
-        return Ok(vec![]);
-    }
+    found.retain(|layer| !layer.channels.iter().any(|at| roles.alpha == Some(*at)));
     let integers = found.iter().flat_map(|layer| &layer.channels);
     match integers
         .into_iter()

@@ -431,16 +431,14 @@ impl Search<'_> {
 
 /// The channels that an output of linpred says to be of its input's noise.
 fn outdated(file: &ExrFile) -> Vec<String> {
-    let marks = file
-        .parts()
-        .iter()
-        .filter_map(|part| part.attributes.string(NOISE_ATTRIBUTE));
-    let mut names: Vec<String> = marks
-        .flat_map(|names| names.split(", "))
-        .map(str::to_owned)
-        .collect();
-    names.sort();
-    names.dedup();
+    let parts = file.parts().iter();
+    let marks = parts.filter_map(|part| part.attributes.string(NOISE_ATTRIBUTE));
+    let mut names: Vec<String> = Vec::new();
+    for name in marks.flat_map(|names| names.split(", ")) {
+        if !names.iter().any(|known| known == name) {
+            names.push(name.to_owned());
+        }
+    }
     names
 }
 

@@ -12,8 +12,8 @@ use super::window::Window;
 
 /// How far an image is from a reference. NaN where nothing could be measured: no sample is finite, or the reference is black.
 ///
-/// Samples that are not finite in both images take part in no figure. Boxes, medians and extremes leave pixels out that have such a sample; they mirror the image at
-/// its borders. Luminance is 0.2126 R + 0.7152 G + 0.0722 B.
+/// Samples that are not finite in both images take part in no figure. Boxes, medians, extremes and FLIP leave pixels out that have such a sample. They
+/// mirror the image at its borders, but for FLIP, which repeats the outermost pixels. Luminance is 0.2126 R + 0.7152 G + 0.0722 B.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]

@@ -104,8 +104,8 @@ impl Comparing {
     /// Compares the images. Gives each row of their colours to `each`, from top to bottom, with the relative squared error of the image's pixels
     /// (mean over the channels, the reference's own variance taken off; NaN where no channel is finite).
     ///
-    /// Takes 0.35 CPU seconds per megapixel, and 0.11 more for each exposure of FLIP, of which there is one for each stop from the reference's median luminance to its
-    /// largest; with an input half as much again (an Intel Xeon, images in ZIP).
+    /// Takes 0.35 CPU seconds per megapixel, and 0.11 more for each exposure of FLIP, of which there is one for each stop from the reference's median
+    /// luminance to its largest; with an input half as much again (an Intel Xeon, images in ZIP).
     ///
     /// [`Error::OverLimit`] or [`Error::Budget`] if the [`plan`](Self::plan) is more than may or can be had, [`Error::Cancelled`] once `stop` is set.
     pub fn measure(

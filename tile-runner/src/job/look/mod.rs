@@ -17,6 +17,7 @@ use crate::job::input::{Input, Wrap};
 use crate::job::look::edges::{Seam, rendered_area};
 use crate::job::look::halves::HalvesLook;
 use crate::job::look::pixels::PixelsLook;
+use crate::job::{memory, plan};
 use crate::row::{InputRow, RowSource};
 
 /// Rows of an image no higher than this are all looked at.
@@ -45,6 +46,9 @@ pub(super) struct Findings {
 
 /// Looks at an input within `limit` bytes of memory. Errors are those of reading it.
 pub(super) fn look(input: &Input, wrap: Wrap, limit: u64) -> Result<Findings, Error> {
+    let plan = plan::look_plan(input);
+    plan.check(limit)?;
+    memory::check_available(&plan, 1)?;
     let mut source = input.source(limit)?;
     let layout = source.layout();
     let mut row = InputRow::new(&layout);
