@@ -143,6 +143,17 @@ fn bands_that_do_not_make_a_frame_are_refused() {
     stitch(folder, &["b1.exr", "b2.exr", "l3.exr"])
         .exits_with(3)
         .complains_about(&["not bands of one image"]);
+    denoise(folder, "q3.exr", &["--band", "3/3", "--quality", "high"]).succeeds();
+    stitch(folder, &["b1.exr", "b2.exr", "q3.exr"])
+        .exits_with(3)
+        .complains_about(&["b1.exr", "q3.exr", "other settings"]);
+    fs::rename(folder.join("in.exr"), folder.join("first.exr")).unwrap();
+    write(&folder.join("in.exr"), SIZE, images().remove(1));
+    denoise(folder, "i3.exr", &["--band", "3/3"]).succeeds();
+    stitch(folder, &["b1.exr", "b2.exr", "i3.exr"])
+        .exits_with(3)
+        .complains_about(&["b1.exr", "i3.exr", "other inputs"]);
+    fs::rename(folder.join("first.exr"), folder.join("in.exr")).unwrap();
     assert!(!folder.join("stitched.exr").exists());
     fs::copy(folder.join("b1.exr"), folder.join("stitched.exr")).unwrap();
     stitch(folder, &["stitched.exr", "b2.exr", "b3.exr"])

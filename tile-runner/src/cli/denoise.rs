@@ -35,7 +35,7 @@ pub(crate) fn run(arguments: DenoiseArguments, log: &LogArguments) -> Result<Exi
         stop: stop::on_signals(),
         said: RefCell::default(),
     };
-    let request = request(arguments.input);
+    let request = request(arguments.input).with_memory_limit(arguments.max_memory);
     match frames::find(&request, &arguments.output, arguments.frames)? {
         None => run
             .image(&request, &arguments.output, None)

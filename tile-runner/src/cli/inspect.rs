@@ -14,7 +14,7 @@ use super::{errors, stdout, threads};
 
 /// Prints what a file holds. A file that cannot be denoised is described all the same, and ends in its exit code.
 pub(crate) fn run(arguments: InspectArguments) -> Result<ExitCode, Error> {
-    let request = request(arguments.input);
+    let request = request(arguments.input).with_memory_limit(arguments.survey.max_memory);
     let (mut inspection, problem) =
         inspect_with(&request, |input| survey(input, &arguments.survey))?;
     inspection.problem = problem.as_ref().map(errors::in_words);

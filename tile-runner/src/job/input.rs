@@ -45,6 +45,8 @@ pub struct InputRequest {
     pub layers: Vec<String>,
     /// Whether the picture is a panorama.
     pub wrap: Wrap,
+    /// Bytes of memory that a look at the pixels may take; [`DEFAULT_MEMORY_LIMIT`] if `None`. Where it does not suffice nothing is looked at.
+    pub memory_limit: Option<u64>,
 }
 
 impl InputRequest {
@@ -72,6 +74,14 @@ impl InputRequest {
     /// Layers by these names.
     pub fn with_layers(self, layers: Vec<String>) -> Self {
         Self { layers, ..self }
+    }
+
+    /// Looks at the pixels within so many bytes of memory.
+    pub fn with_memory_limit(self, memory_limit: Option<u64>) -> Self {
+        Self {
+            memory_limit,
+            ..self
+        }
     }
 
     /// Wraps around, or not.
@@ -109,7 +119,8 @@ impl Input {
         let mut pictures = Self::assign(request)?;
         for picture in &mut pictures {
             // what cannot be read is told by who needs it
-            let Ok(found) = look(picture, request.wrap, DEFAULT_MEMORY_LIMIT) else {
+            let limit = request.memory_limit.unwrap_or(DEFAULT_MEMORY_LIMIT);
+            let Ok(found) = look(picture, request.wrap, limit) else {
                 continue;
             };
             if let Some(problem) = found.problem {

@@ -93,19 +93,23 @@ pub fn inspect(request: &InputRequest) -> Result<(Inspection, Option<Error>), Er
     inspect_with(request, |_| Ok(None))
 }
 
-/// The same; if the file can be denoised, its pixels are what `survey` finds in them. An error of that is a problem of the file, but for
+/// The same; if the file can be denoised, the pixels of each of its pictures are what `survey` finds in them. An error of that is a problem of the file, but for
 /// one of memory.
 pub fn inspect_with(
     request: &InputRequest,
-    survey: impl FnOnce(&Input) -> Result<Option<Survey>, Error>,
+    mut survey: impl FnMut(&Input) -> Result<Option<Survey>, Error>,
 ) -> Result<(Inspection, Option<Error>), Error> {
     let (mut inspection, problem) = match Input::open_all(request) {
         Ok(pictures) => {
             let mut inspection = describe(&pictures);
             let mut problem = obstacle(&pictures);
-            if problem.is_none() {
-                match survey(&pictures[0]) {
-                    Ok(pixels) => inspection.pixels = pixels,
+            for (n, picture) in pictures.iter().enumerate() {
+                if problem.is_some() {
+                    break;
+                }
+                match survey(picture) {
+                    Ok(pixels) if n == 0 => inspection.pixels = pixels,
+                    Ok(pixels) => inspection.others[n - 1].pixels = pixels,
                     // says nothing of the file
                     Err(error @ (Error::Budget(_) | Error::OverLimit { .. })) => return Err(error),
                     Err(error) => problem = Some(error),
@@ -353,12 +357,15 @@ impl fmt::Display for Inspection {
         if !self.untouched.is_empty() {
             writeln!(f, "  kept as they are  {}", self.untouched.join(" "))?;
         }
+        if let Some(pixels) = &self.pixels {
+            write!(f, "{pixels}")?;
+        }
         for other in &self.others {
             writeln!(f, "  denoised, too: {}", other.picture)?;
             other.picture(f)?;
-        }
-        if let Some(pixels) = &self.pixels {
-            write!(f, "{pixels}")?;
+            if let Some(pixels) = &other.pixels {
+                write!(f, "{pixels}")?;
+            }
         }
         match &self.problem {
             Some(problem) => writeln!(f, "  cannot be denoised: {problem}"),

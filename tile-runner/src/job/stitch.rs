@@ -4,7 +4,9 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::error::Error;
-use crate::exr_file::attributes::Attributes;
+use crate::exr_file::attributes::{
+    Attributes, INPUT_ATTRIBUTE, OPTIONS_ATTRIBUTE, VERSION_ATTRIBUTE,
+};
 use crate::exr_file::grid::ChunkGrid;
 use crate::exr_file::output::check_output;
 use crate::exr_file::writer::{ExrWriter, OutputPart};
@@ -142,6 +144,26 @@ fn check_alike(first: &ExrFile, file: &ExrFile) -> Result<(), Error> {
         attributes
     };
     let columns = |part: &Part| (part.data_window().position.0, part.data_window().size.0);
+    let differs = |name: &str| {
+        let value = |file: &ExrFile| {
+            let mut parts = file.parts().iter();
+            parts.find_map(|part| part.attributes.string(name).map(str::to_owned))
+        };
+        value(first) != value(file)
+    };
+    for (name, what) in [
+        (VERSION_ATTRIBUTE, "were made by other versions of linpred"),
+        (OPTIONS_ATTRIBUTE, "were made with other settings"),
+        (INPUT_ATTRIBUTE, "were made of other inputs"),
+    ] {
+        if differs(name) {
+            return Err(Error::Invalid(format!(
+                "{} and {} {what} (attribute {name}): denoise the bands of one image alike",
+                first.path().display(),
+                file.path().display()
+            )));
+        }
+    }
     let alike = first.version() == file.version()
         && first.parts().len() == file.parts().len()
         && first.parts().iter().zip(file.parts()).all(|(a, b)| {

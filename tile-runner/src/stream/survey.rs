@@ -218,6 +218,13 @@ impl fmt::Display for Survey {
                 "  fireflies         {fireflies} pixels, the first at x {x}, y {y}: predicted from their neighbours"
             )?;
         }
+        if counts.estimated > 0 {
+            let estimated = counts.estimated;
+            writeln!(
+                f,
+                "  no variance       {estimated} pixels have none that is known: estimated from the picture"
+            )?;
+        }
         let cells = percent(counts.cells_skipped, counts.cells);
         let blocks = percent(counts.feature_blocks_skipped, counts.feature_blocks);
         writeln!(
