@@ -3,6 +3,7 @@
 mod bare_metal_prints_the_hosts_bits;
 mod blocks_agree_with_their_definitions;
 mod cells_predict_every_open_pixel;
+mod even_layers_stay_even;
 mod finishing_agrees_with_its_definition;
 mod lanes_change_no_bit;
 mod model_agrees_with_its_definition;

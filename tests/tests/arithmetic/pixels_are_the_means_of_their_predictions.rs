@@ -1,6 +1,6 @@
 //! A resolved pixel is the weighted mean of its predictions and of its own radiance.
 
-use linpred_core::{Formulas, Pixel, PixelState, Sum, resolve, resolve_layer};
+use linpred_core::{Formulas, Pixel, PixelState, Sum, resolve, resolve_layer, resolve_scalar};
 use linpred_tests::tolerance::{RESOLVED, close};
 use proptest::prelude::{Strategy, any, prop_assert, prop_assert_eq, proptest};
 use proptest::sample::select;
@@ -74,6 +74,13 @@ fn own_weight(state: PixelState, formulas: Formulas, others: f64) -> f64 {
     }
 }
 
+/// Weighted sum of a channel of the layers' predictions, added up in their order.
+fn sum_of(predictions: &[Prediction], c: usize) -> f32 {
+    predictions
+        .iter()
+        .fold(0.0, |sum, p| sum + p.layer[c] * p.weight)
+}
+
 proptest! {
     #[test]
     fn with_their_weights(
@@ -116,6 +123,12 @@ proptest! {
             if literal || colour == 0.0 || colour > RESOLVED * 9.0 {
                 prop_assert!(close(f64::from(ours_layer[c]), layer, RESOLVED * 9.0), "{} against {layer}", ours_layer[c]);
             }
+            // What is no light does not follow the colour to 0, but becomes no more negative than it was.
+            let scalar = resolve_scalar(&pixel, &sum, formulas, sum_of(&predictions, c), own_layer[c]);
+            let values = predictions.iter().map(|p| f64::from(p.layer[c])).collect();
+            let exact = mean(values, f64::from(own_layer[c]));
+            let exact = if exact < 0.0 && own_layer[c] >= 0.0 && !literal { 0.0 } else { exact };
+            prop_assert!(close(f64::from(scalar), exact, RESOLVED * 9.0), "{scalar} against {exact}");
         }
         let exact = [
             // Summed over the channels in the pixel, a mean over them in what comes out.

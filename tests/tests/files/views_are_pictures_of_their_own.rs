@@ -169,6 +169,11 @@ fn every_view_layer_of_a_blender_file_is_denoised_by_its_own_passes() {
             40 * n + 1,
         ));
         channels.extend(of(
+            &format!("{layer}.Diffuse Direct."),
+            &["R", "G", "B"],
+            40 * n + 21,
+        ));
+        channels.extend(of(
             &format!("{layer}.Denoising Albedo."),
             &["R", "G", "B"],
             40 * n + 11,
@@ -181,6 +186,10 @@ fn every_view_layer_of_a_blender_file_is_denoised_by_its_own_passes() {
     )];
     write(&path, SIZE, vec![image]);
     let pictures = pictures(&path);
+    let layers = |picture: &Input| picture.layers.len();
+    let request = InputRequest::new(&path).with_layers(vec!["Diffuse*".into()]);
+    let chosen = Input::open_all(&request).unwrap();
+    assert!(chosen.iter().all(|picture| layers(picture) == 1));
     let albedos: Vec<_> = pictures
         .iter()
         .map(|picture| names(picture, Role::Albedo)[0].clone())
@@ -193,11 +202,16 @@ fn every_view_layer_of_a_blender_file_is_denoised_by_its_own_passes() {
             "ViewLayer.Denoising Albedo.R"
         ]
     );
-    command::denoise(folder.path(), "out.exr", &[])
+    command::denoise(folder.path(), "out.exr", &["--layers", "Diffuse*"])
         .succeeds()
         .complains_about(&["ViewLayer.001.Combined, ViewLayer.Combined denoised"]);
     let (before, after) = (read(&path), read(&folder.path().join("out.exr")));
-    for name in ["ViewLayer.Combined.G", "ViewLayer.001.Combined.G"] {
+    for name in [
+        "ViewLayer.Combined.G",
+        "ViewLayer.001.Combined.G",
+        "ViewLayer.Diffuse Direct.G",
+        "ViewLayer.001.Diffuse Direct.G",
+    ] {
         assert_ne!(bits(&before, 0, name), bits(&after, 0, name), "{name}");
     }
 }

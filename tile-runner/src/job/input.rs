@@ -149,9 +149,9 @@ impl Input {
             }
             roles.other_half = Some(names.add(Arc::new(ExrFile::open(path)?)));
         }
-        let pictures = resolve(&names, &roles)?.into_iter();
-        let picture = |(names, roles): (ChannelNames, Roles)| {
-            let layers = layers::select(&names, &roles, &request.layers)?;
+        let pictures = resolve(&names, &roles)?;
+        let layers = layers::select_all(&pictures, &request.layers)?;
+        let picture = |((names, roles), layers): ((ChannelNames, Roles), Vec<Layer>)| {
             let at = roles.colour[0];
             let part = &names.files()[at.file].parts()[at.part];
             let size = part.size().ok_or_else(|| {
@@ -169,7 +169,7 @@ impl Input {
                 layers,
             })
         };
-        pictures.map(picture).collect()
+        pictures.into_iter().zip(layers).map(picture).collect()
     }
 
     /// The path of the noisy image.

@@ -23,38 +23,62 @@ pub struct Layer {
     pub variance: Variance,
 }
 
-/// The layers of file 0 that match one of `patterns` (`*` any text, `?` any letter), with or without what stands before
-/// the layer's last dot. A pattern with a wildcard is for light, and passes over the colour itself, channels in other roles, noise and identifiers; a
-/// name alone may be that of a channel, or of a layer that is no light.
+/// The layers of file 0 that match `pattern` (`*` any text, `?` any letter), with or without what stands before
+/// the layer's last dot; of a picture that is not `alone` in its file those of its own view layer. A pattern with a wildcard is for light, and passes over the
+/// colour itself, channels in other roles, noise and identifiers; a name alone may be that of a channel, or of a layer that is no light. `None` if the
+/// picture has no such layer; the alpha's name gives nothing, for it is denoised in any case.
 ///
-/// [`Error::Setting`] for a pattern that matches nothing or an identifier, [`Error::Invalid`] for a layer of another data window.
+/// [`Error::Setting`] for an identifier, [`Error::Invalid`] for a layer of another data window.
 pub(crate) fn select(
     names: &ChannelNames,
     roles: &Roles,
+    pattern: &str,
+    alone: bool,
+) -> Result<Option<Vec<Layer>>, Error> {
+    let mut found = match pattern.contains(['*', '?']) {
+        true => matching(names, roles, pattern),
+        false => named(names, roles, pattern)?,
+    };
+    let own = |name: &str| match name.strip_prefix(roles.prefix.as_str()) {
+        Some(rest) => alone || !rest.contains('.'),
+        None => alone,
+    };
+    found.retain(|layer| own(&layer.name));
+    for layer in &found {
+        check_window(names, roles, layer)?;
+    }
+    let is_alpha = roles
+        .alpha
+        .is_some_and(|at| names.channel(0, pattern) == Some(at));
+    Ok((is_alpha || !found.is_empty()).then_some(found))
+}
+
+/// The layers of every picture that match the patterns, each once.
+///
+/// [`Error::Setting`] for a pattern that matches nothing in any of them; for others as for [`select`].
+pub(crate) fn select_all(
+    pictures: &[(ChannelNames, Roles)],
     patterns: &[String],
-) -> Result<Vec<Layer>, Error> {
-    let mut chosen: Vec<Layer> = Vec::new();
+) -> Result<Vec<Vec<Layer>>, Error> {
+    let alone = pictures.len() == 1;
+    let mut chosen: Vec<Vec<Layer>> = vec![Vec::new(); pictures.len()];
     for pattern in patterns {
-        let found = match pattern.contains(['*', '?']) {
-            true => matching(names, roles, pattern),
-            false => named(names, roles, pattern)?,
-        };
-        // the alpha is denoised in any case
-        let is_alpha = roles
-            .alpha
-            .is_some_and(|at| names.channel(0, pattern) == Some(at));
-        if found.is_empty() && !is_alpha {
+        let mut matched = false;
+        for ((names, roles), chosen) in pictures.iter().zip(&mut chosen) {
+            let found = select(names, roles, pattern, alone)?;
+            matched |= found.is_some();
+            for layer in found.into_iter().flatten() {
+                let already =
+                    |known: &Layer| layer.channels.iter().any(|at| known.channels.contains(at));
+                if !chosen.iter().any(already) {
+                    chosen.push(layer);
+                }
+            }
+        }
+        if let Some((names, _)) = pictures.first().filter(|_| !matched) {
             let path = names.files()[0].path().display();
             let problem = format!("{path} has no such layer beside its colour");
             return Err(wrong(pattern, problem));
-        }
-        for layer in found {
-            check_window(names, roles, &layer)?;
-            let already =
-                |known: &Layer| layer.channels.iter().any(|at| known.channels.contains(at));
-            if !chosen.iter().any(already) {
-                chosen.push(layer);
-            }
         }
     }
     Ok(chosen)

@@ -112,7 +112,7 @@ impl Findings {
         }
         if self.wrap {
             self.notes
-                .push("a panorama: windows wrap around its left and right ends".into());
+                .push("the left and right ends of the picture meet: windows wrap around them (--wrap none keeps them apart)".into());
         }
     }
 
