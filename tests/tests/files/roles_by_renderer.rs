@@ -581,3 +581,9 @@ fn a_name_is_accepted_as_inspect_prints_it() {
         assert!(error.to_string().contains(words), "{text}: {error}");
     }
 }
+
+/// Found by fuzzing: such a layer has an empty name after its last dot, which is that of bare channels.
+#[test]
+fn a_name_of_dots_alone_is_a_name() {
+    assert!(auto(vec![image(&[".."], vec![])]).roles.mono());
+}

@@ -42,6 +42,7 @@ fn written(pictures: &[Input]) -> String {
     let layers = pictures.iter().map(|picture| {
         let name = picture.names.name(picture.roles.target[0]);
         let layer = name.rsplit_once('.').map(|(layer, _)| layer.to_owned());
+        let layer = layer.filter(|layer| !layer.is_empty());
         let label = picture.roles.label();
         match (layer, label.is_empty() || !picture.roles.prefix.is_empty()) {
             (Some(layer), true) => layer,

@@ -217,7 +217,7 @@ impl<'a> Search<'a> {
                 prefixes.push(prefix.to_owned());
             }
         }
-        Some(prefixes)
+        (!prefixes.is_empty()).then_some(prefixes)
     }
 
     /// The layer that people look at beside the colour's, if the renderer has one and it is not that.
