@@ -587,3 +587,19 @@ fn a_name_is_accepted_as_inspect_prints_it() {
 fn a_name_of_dots_alone_is_a_name() {
     assert!(auto(vec![image(&[".."], vec![])]).roles.mono());
 }
+
+/// Found by fuzzing.
+#[test]
+fn a_colour_is_not_its_own_alpha() {
+    let map = |text| RoleRequest {
+        map: vec![Mapping::parse(text).unwrap()],
+        ..RoleRequest::default()
+    };
+    let input = open(vec![image(&["a", "b"], vec![])], map("colour=a")).unwrap();
+    assert_eq!(input.roles.alpha, None);
+    let error = open(vec![image(&["R", "G", "B"], vec![])], map("alpha=G")).unwrap_err();
+    assert!(
+        error.to_string().contains("channel of the colour"),
+        "{error}"
+    );
+}

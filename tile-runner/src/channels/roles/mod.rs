@@ -307,8 +307,10 @@ impl<'a> Search<'a> {
 
     /// The alpha of the colour's layer.
     fn colours_alpha(&self) -> Option<Assignment> {
-        let colour = self.get(Role::Colour)?.channels[0];
-        let alpha = self.alpha_of(self.layer_of(colour), colour)?;
+        let channels = &self.get(Role::Colour)?.channels;
+        let colour = channels[0];
+        let alpha = self.alpha_of(self.layer_of(colour), colour);
+        let alpha = alpha.filter(|alpha| !channels.contains(alpha))?;
         Some(Assignment {
             role: Role::Alpha,
             channels: vec![alpha],
@@ -366,6 +368,15 @@ impl<'a> Search<'a> {
             value: "colour=none".into(),
             problem: "leaves nothing to denoise".into(),
         })?;
+        if let Some(alpha) = self.get(Role::Alpha)
+            && colour.contains(&alpha.channels[0])
+        {
+            return Err(Error::Setting {
+                setting: Setting::Map,
+                value: format!("alpha={}", self.names.name(alpha.channels[0])),
+                problem: "is a channel of the colour".into(),
+            });
+        }
         let names = self.names;
         let file = &names.files()[0];
         let parts = [&file.parts()[colour[0].part], &file.parts()[0]];
