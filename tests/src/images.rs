@@ -80,6 +80,16 @@ pub fn constant(name: &str, pixels: usize, value: f32) -> NamedSamples {
     (name.into(), FlatSamples::F32(vec![value; pixels]))
 }
 
+/// A float channel whose values are those of a function of column and row.
+pub fn plane(
+    name: &str,
+    size: (usize, usize),
+    value: impl Fn(usize, usize) -> f32,
+) -> NamedSamples {
+    let values = (0..size.0 * size.1).map(|i| value(i % size.0, i / size.0));
+    (name.to_owned(), FlatSamples::F32(values.collect()))
+}
+
 /// Float channels R, G, B of noise.
 pub fn colour(pixels: usize) -> Vec<NamedSamples> {
     ["R", "G", "B"]
@@ -184,6 +194,12 @@ pub fn bits(image: &FlatImage, part: usize, name: &str) -> Vec<u32> {
         FlatSamples::F32(values) => values.iter().map(|v| v.to_bits()).collect(),
         FlatSamples::U32(values) => values.clone(),
     }
+}
+
+/// The samples of a float channel of the first part of the image in a file.
+pub fn values(path: &Path, name: &str) -> Vec<f32> {
+    let bits = bits(&read(path), 0, name);
+    bits.into_iter().map(f32::from_bits).collect()
 }
 
 /// The names of a part's channels, in file order.

@@ -2,21 +2,12 @@
 
 use std::path::Path;
 
-use exr::prelude::*;
 use linpred_tests::command;
-use linpred_tests::images::{NamedSamples, bits, exponential, noise, part, read, write};
+use linpred_tests::images::{NamedSamples, exponential, noise, part, plane, values, write};
 
 const SIDE: usize = 64;
 const SIZE: (usize, usize) = (SIDE, SIDE);
 const SAMPLES: usize = 16;
-
-/// Values of every pixel by column and row.
-fn plane(name: &str, value: impl Fn(usize, usize) -> f32) -> NamedSamples {
-    let values = (0..SIDE * SIDE)
-        .map(|i| value(i % SIDE, i / SIDE))
-        .collect();
-    (name.to_owned(), FlatSamples::F32(values))
-}
 
 /// How much of a pixel a disc with a blurred edge covers.
 fn cover(x: usize, y: usize) -> f32 {
@@ -48,22 +39,17 @@ const ALBEDO: [f32; 3] = [0.8, 0.4, 0.2];
 
 /// A disc over nothing, with or without its variances.
 fn disc(variances: bool) -> Vec<NamedSamples> {
-    let mut channels = vec![plane("A", |x, y| sampled(x, y)[0])];
+    let mut channels = vec![plane("A", SIZE, |x, y| sampled(x, y)[0])];
     for (name, albedo) in ["R", "G", "B"].into_iter().zip(ALBEDO) {
-        channels.push(plane(name, |x, y| albedo * sampled(x, y)[1]));
+        channels.push(plane(name, SIZE, |x, y| albedo * sampled(x, y)[1]));
         if variances {
             let name = format!("variance.{name}");
-            channels.push(plane(&name, |x, y| albedo * albedo * sampled(x, y)[2]));
+            channels.push(plane(&name, SIZE, |x, y| {
+                albedo * albedo * sampled(x, y)[2]
+            }));
         }
     }
     channels
-}
-
-fn values(path: &Path, name: &str) -> Vec<f32> {
-    bits(&read(path), 0, name)
-        .into_iter()
-        .map(f32::from_bits)
-        .collect()
 }
 
 /// Mean squared errors over the blurred edge: over white, and of the colour divided by alpha.
@@ -126,7 +112,7 @@ fn what_is_opaque_or_empty_stays_exactly_so() {
     let opaque = disc(true)
         .into_iter()
         .map(|(name, samples)| match name.as_str() {
-            "A" => plane("A", |_, _| 1.0),
+            "A" => plane("A", SIZE, |_, _| 1.0),
             _ => (name, samples),
         });
     write(
@@ -146,22 +132,21 @@ fn what_is_opaque_or_empty_stays_exactly_so() {
 fn black_pixels_where_nothing_is_stay_black_beside_noisy_ones() {
     let folder = tempfile::tempdir().unwrap();
     let inside = |x: usize, y: usize| f32::from((x as f32 - 32.0).hypot(y as f32 - 32.0) < 20.0);
-    let mut channels = vec![plane("A", inside)];
+    let mut channels = vec![plane("A", SIZE, inside)];
     for (name, seed) in ["R", "G", "B"].into_iter().zip(3..) {
-        channels.push(plane(name, |x, y| {
+        channels.push(plane(name, SIZE, |x, y| {
             2.0 * inside(x, y) * exponential(seed, y * SIDE + x)
         }));
-        channels.push(plane(&format!("variance.{name}"), |x, y| {
+        channels.push(plane(&format!("variance.{name}"), SIZE, |x, y| {
             4.0 * inside(x, y)
         }));
     }
     for (name, value) in [("N.X", 0.0), ("N.Y", 0.0), ("N.Z", 1.0)] {
-        channels.push(plane(name, |x, y| value * inside(x, y)));
+        channels.push(plane(name, SIZE, |x, y| value * inside(x, y)));
     }
-    channels.push(plane(
-        "Z",
-        |x, y| if inside(x, y) > 0.0 { 5.0 } else { 1e10 },
-    ));
+    channels.push(plane("Z", SIZE, |x, y| {
+        if inside(x, y) > 0.0 { 5.0 } else { 1e10 }
+    }));
     write(&folder.path().join("in.exr"), SIZE, vec![part(channels)]);
     command::denoise(folder.path(), "out.exr", &[]).succeeds();
     let green = values(&folder.path().join("out.exr"), "G");
@@ -179,11 +164,13 @@ fn channels_that_are_no_light_are_denoised_where_they_are_asked_for() {
     let folder = tempfile::tempdir().unwrap();
     let step = |x: usize| if x < SIDE / 2 { 1.0 } else { 3.0 };
     let mut channels = disc(true);
-    channels.push(plane("depth.Z", |x, y| {
+    channels.push(plane("depth.Z", SIZE, |x, y| {
         step(x) * (0.5 + noise(7, y * SIDE + x))
     }));
-    channels.push(plane("motion.u", |x, y| -2.0 + noise(8, y * SIDE + x)));
-    channels.push(plane("motion.v", |x, y| noise(9, y * SIDE + x)));
+    channels.push(plane("motion.u", SIZE, |x, y| {
+        -2.0 + noise(8, y * SIDE + x)
+    }));
+    channels.push(plane("motion.v", SIZE, |x, y| noise(9, y * SIDE + x)));
     write(&folder.path().join("in.exr"), SIZE, vec![part(channels)]);
     let layers = ["--layers", "depth,motion", "--map", "depth=none"];
     command::denoise(folder.path(), "out.exr", &layers).succeeds();

@@ -5,7 +5,7 @@ use std::path::Path;
 use exr::meta::attribute::EnvironmentMap;
 use exr::prelude::*;
 use linpred_tests::command;
-use linpred_tests::images::{NamedSamples, TestPart, bits, exponential, noise, part, read, write};
+use linpred_tests::images::{TestPart, exponential, noise, part, plane, values, write};
 
 const WIDTH: usize = 96;
 const HEIGHT: usize = 48;
@@ -13,13 +13,6 @@ const SIZE: (usize, usize) = (WIDTH, HEIGHT);
 const SAMPLES: usize = 8;
 
 type Pixel<'a> = dyn Fn(usize, usize) -> f32 + 'a;
-
-fn plane(name: &str, size: (usize, usize), value: &Pixel<'_>) -> NamedSamples {
-    let values = (0..size.0 * size.1)
-        .map(|i| value(i % size.0, i / size.0))
-        .collect();
-    (name.to_owned(), FlatSamples::F32(values))
-}
 
 fn image(
     size: (usize, usize),
@@ -63,10 +56,7 @@ fn panorama(turned: usize) -> TestPart {
 }
 
 fn green(path: &Path) -> Vec<f32> {
-    bits(&read(path), 0, "G")
-        .into_iter()
-        .map(f32::from_bits)
-        .collect()
+    values(path, "G")
 }
 
 /// The mean step from the last column to the first, in mean steps of the columns beside.
