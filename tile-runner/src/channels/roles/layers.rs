@@ -4,7 +4,7 @@ use wildmatch::WildMatch;
 
 use crate::channels::identifiers::{Cryptomattes, is_identifier, is_integer};
 use crate::channels::names::{ChannelNames, ChannelRef};
-use crate::channels::presets::{Components, Role};
+use crate::channels::presets::Components;
 use crate::channels::roles::search::is_noise;
 use crate::channels::roles::{Roles, in_words};
 use crate::channels::variance::Variance;
@@ -168,11 +168,11 @@ fn wrong(pattern: &str, problem: String) -> Error {
     }
 }
 
-/// Whether the channels are those of the colour, or one of them has another role.
+/// Whether one of the channels has a role already, or is written to.
 fn has_a_role(roles: &Roles, channels: &[ChannelRef; 3]) -> bool {
-    let others = roles.assignments.iter().filter(|a| a.role != Role::Colour);
-    let mut others = others.flat_map(|a| &a.channels);
-    *channels == roles.colour || *channels == roles.target || others.any(|at| channels.contains(at))
+    let assigned = roles.assignments.iter().flat_map(|a| &a.channels);
+    let mut taken = assigned.chain(&roles.target).chain(&roles.alpha_target);
+    taken.any(|at| channels.contains(at))
 }
 
 fn check_window(names: &ChannelNames, roles: &Roles, layer: &Layer) -> Result<(), Error> {
