@@ -38,6 +38,8 @@ pub struct RowLayout {
     pub alpha: bool,
     /// Other channels that are no light (depths, masks, vectors), denoised likewise.
     pub scalars: usize,
+    /// Columns at either end that are not the image's own, and not counted.
+    pub(crate) margin: usize,
 }
 
 impl RowLayout {
@@ -51,6 +53,7 @@ impl RowLayout {
             layers: 0,
             alpha: false,
             scalars: 0,
+            margin: 0,
         }
     }
 
@@ -89,6 +92,12 @@ impl RowLayout {
         Self { scalars, ..self }
     }
 
+    /// Pixels that are the image's own.
+    pub(crate) fn pixels(&self) -> u64 {
+        let columns = self.size.width().saturating_sub(2 * self.margin);
+        columns as u64 * self.size.height() as u64
+    }
+
     /// The alpha and the other channels that are no light.
     pub(crate) fn all_scalars(&self) -> usize {
         usize::from(self.alpha) + self.scalars
@@ -116,7 +125,7 @@ impl RowLayout {
 pub struct InputRow {
     /// Mean radiance, red green blue.
     pub colour: [Vec<f32>; 3],
-    /// Variance of the mean radiance (see [`VarianceKind`]). 0 says that the pixel is exact; a pixel with a NaN in one of the channels has none that is
+    /// Variance of the mean radiance (see [`VarianceKind`]). 0 says that the pixel is exact; a pixel with a NaN or an infinity in one of the channels has none that is
     /// known, and the pipeline estimates it from the picture (see [`Counts::estimated`](crate::Counts)).
     pub variance: [Vec<f32>; 3],
     /// Features (see [`FEATURES`] for the order).

@@ -526,7 +526,15 @@ fn a_y_beside_an_x_is_no_luminance_and_a_depth_alone_no_colour() {
         played_by(&input, Role::Colour),
         layer("C", &["R", "G", "B"])
     );
-    for alone in ["Z", "depth.Z", "A", "id", "N.X", "noise.variance"] {
+    for alone in [
+        "Z",
+        "depth.Z",
+        "depth.Y",
+        "A",
+        "id",
+        "N.X",
+        "noise.variance",
+    ] {
         let error = open(vec![image(&[alone], vec![])], RoleRequest::default()).unwrap_err();
         assert!(matches!(error, Error::Invalid(_)), "{alone}: {error}");
     }
@@ -602,4 +610,54 @@ fn a_colour_is_not_its_own_alpha() {
         error.to_string().contains("channel of the colour"),
         "{error}"
     );
+}
+
+#[test]
+fn the_picture_is_told_by_its_parts_name_wherever_it_stands() {
+    let named = |name, components: &[&str]| TestPart {
+        name: Some(name),
+        ..image(components, vec![])
+    };
+    let rgb = ["R", "G", "B"];
+    let features = [
+        named("diffuse", &rgb),
+        named("albedo", &rgb),
+        named("variance", &rgb),
+        named("N", &["X", "Y", "Z"]),
+        named("depth", &["Z"]),
+    ];
+    for place in 0..=features.len() {
+        let mut parts = features.to_vec();
+        parts.insert(place, named("rgba", &rgb));
+        let input = auto(parts);
+        assert_eq!(input.roles.colour.map(|at| at.part), [place; 3]);
+        let part_of = |role| input.roles.assignment(role).map(|a| a.channels[0].part);
+        let after = |index: usize| Some(index + usize::from(index >= place));
+        assert_eq!(part_of(Role::Albedo), after(1));
+        assert_eq!(part_of(Role::Variance), after(2));
+        assert_eq!(part_of(Role::Normal), after(3));
+        assert_eq!(part_of(Role::Depth), after(4));
+    }
+    for layer in ["N", "variance", "Denoising Albedo"] {
+        let alone = ["R", "G", "B"].map(|c| format!("{layer}.{c}"));
+        let alone: Vec<&str> = alone.iter().map(String::as_str).collect();
+        assert!(
+            open(vec![image(&alone, vec![])], RoleRequest::default()).is_err(),
+            "{layer}"
+        );
+    }
+}
+
+/// A file that has lost its attributes in a tool.
+#[test]
+fn blenders_passes_are_told_by_their_names_too() {
+    let mut names = layer("VL.Noisy Image", &["R", "G", "B"]);
+    names.extend(layer("VL.Combined", &["R", "G", "B"]));
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let input = auto(vec![image(&names, vec![])]);
+    assert_eq!(
+        played_by(&input, Role::Colour),
+        layer("VL.Noisy Image", &["R", "G", "B"])
+    );
+    assert_ne!(input.roles.target, input.roles.colour);
 }

@@ -55,7 +55,7 @@ fn error(path: &Path, columns: std::ops::Range<usize>) -> f32 {
 #[test]
 fn variances_that_are_nowhere_any_are_estimated_and_counted() {
     let folder = tempfile::tempdir().unwrap();
-    for value in [0.0, -1.0, f32::NAN] {
+    for value in [0.0, -1.0, f32::NAN, f32::INFINITY] {
         denoise(folder.path(), noisy(|_, _| value), &[])
             .succeeds()
             .complains_about(&[
@@ -94,8 +94,16 @@ fn a_zero_where_the_picture_has_noise_says_nothing() {
 fn a_clean_background_is_still_believed() {
     let folder = tempfile::tempdir().unwrap();
     let clean = |x: usize, y: usize| x < SIDE / 2 || y < 8;
-    // a slope with some structure, without noise
+    // a slope with some structure and stars, without noise
+    let star = |x: usize, y: usize| {
+        if (7 * x + 13 * y) % 41 == 0 {
+            20.0
+        } else {
+            0.0
+        }
+    };
     let slope = |x: usize, y: usize| 1.0 + 0.01 * x as f32 + 0.3 * (0.4 * y as f32).sin();
+    let slope = |x, y| slope(x, y) + if clean(x, y) { star(x, y) } else { 0.0 };
     let value = |x: usize, y: usize| match clean(x, y) {
         true => slope(x, y),
         false => slope(x, y) * mean(1, SAMPLES, x, y),

@@ -158,6 +158,40 @@ fn views_of_parts_are_told_by_their_attributes_and_names_in_any_order() {
 }
 
 #[test]
+fn a_view_is_found_whatever_stands_before_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("in.exr");
+    let rgb = |seed| of("", &["R", "G", "B"], seed);
+    let normal = |seed| of("", &["X", "Y", "Z"], seed);
+    let parts = vec![
+        of_view("N_left", "left", normal(7)),
+        of_view("rgba_left", "left", rgb(1)),
+        TestPart {
+            name: Some("matte"),
+            ..part(rgb(20))
+        },
+        of_view("N_right", "right", normal(10)),
+        of_view("rgba_right", "right", rgb(4)),
+    ];
+    write(&path, SIZE, parts);
+    let parts: Vec<_> = (pictures(&path).iter())
+        .map(|input| input.roles.colour[0].part)
+        .collect();
+    assert_eq!(parts, [1, 4]);
+
+    // the right eye alone has a name
+    write(&path, SIZE, vec![part(one_part())]);
+    let [left, right] = &pictures(&path)[..] else {
+        panic!("two views")
+    };
+    assert_eq!(names(left, Role::Normal), ["N.X", "N.Y", "N.Z"]);
+    assert_eq!(
+        names(right, Role::Colour),
+        ["right.R", "right.G", "right.B"]
+    );
+}
+
+#[test]
 fn every_view_layer_of_a_blender_file_is_denoised_by_its_own_passes() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("in.exr");

@@ -5,9 +5,10 @@
 
 use std::sync::Arc;
 
+use crate::channels::identifiers::is_identifier;
 use crate::channels::views;
 use crate::error::Error;
-use crate::exr_file::ExrFile;
+use crate::exr_file::{ExrFile, Part};
 
 /// A channel of one of the input files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -81,29 +82,25 @@ impl ChannelNames {
         let index = self.files.len();
         let multi_part = file.parts().len() > 1;
         let views = views::of_file(&file);
-        // the first part of each view holds bare names
-        let mut begun: Vec<Option<Arc<str>>> = Vec::new();
-        for part in file.parts() {
-            let named = part.name.as_deref().filter(|_| multi_part);
-            let (view, label) = views::of_part(part, named, &views);
-            let own: Vec<String> = (0..part.header.channels.list.len())
-                .map(|channel| part.channel_name(channel))
-                .collect();
-            let found = views::of_channels(&own, view.as_ref(), &views, !multi_part);
-            let first = !found.iter().all(|(view, _)| begun.contains(view));
-            let bare: Vec<&str> = found.iter().map(|(_, name)| name.as_str()).collect();
-            for (channel, (view, name)) in found.iter().enumerate() {
+        let parts: Vec<NamedPart> = (file.parts().iter())
+            .map(|part| NamedPart::new(part, multi_part, &views))
+            .collect();
+        for (part, named) in file.parts().iter().zip(&parts) {
+            let bare = !multi_part || named.holds_bare_names(&parts);
+            let label = named.label.as_deref();
+            let names: Vec<&str> = named.channels.iter().map(|(_, n)| n.as_str()).collect();
+            for (channel, (view, name)) in named.channels.iter().enumerate() {
                 let at = ChannelRef {
                     file: index,
                     part: part.index,
                     channel,
                 };
-                for full in spellings(name, label.as_deref(), first) {
+                for full in spellings(name, label, bare) {
                     let spelt = NamedChannel::new(at, &full, view.clone());
                     self.names.push(spelt);
                 }
-                if let Some((stem, component)) = triple_of(name, &bare) {
-                    for layer in spellings(&stem, label.as_deref(), first) {
+                if let Some((stem, component)) = triple_of(name, &names) {
+                    for layer in spellings(&stem, label, bare) {
                         self.names.push(NamedChannel {
                             at,
                             layer,
@@ -112,11 +109,11 @@ impl ChannelNames {
                         });
                     }
                 }
-                for full in spellings(&own[channel], named, true) {
+                let (own, part) = (part.channel_name(channel), part.name.as_deref());
+                for full in spellings(&own, part.filter(|_| multi_part), true) {
                     self.stored.push(NamedChannel::new(at, &full, view.clone()));
                 }
             }
-            begun.extend(found.into_iter().map(|(view, _)| view));
         }
         self.files.push(file);
         index
@@ -223,6 +220,95 @@ impl ChannelNames {
     }
 }
 
+/// A part and its channels by the names that lookups use, without views.
+struct NamedPart {
+    index: usize,
+    label: Option<String>,
+    channels: Vec<(Option<Arc<str>>, String)>,
+}
+
+impl NamedPart {
+    fn new(part: &Part, multi_part: bool, views: &[Arc<str>]) -> Self {
+        let named = part.name.as_deref().filter(|_| multi_part);
+        let (view, label) = views::of_part(part, named, views);
+        let channels = 0..part.header.channels.list.len();
+        let own: Vec<String> = channels.map(|channel| part.channel_name(channel)).collect();
+        Self {
+            index: part.index,
+            label,
+            channels: views::of_channels(&own, view.as_ref(), views, !multi_part),
+        }
+    }
+
+    fn view(&self) -> Option<&Arc<str>> {
+        self.channels.first().and_then(|(view, _)| view.as_ref())
+    }
+
+    /// How likely its bare channels are those of the picture, the smaller the likelier: by its name; by that of another part they would be features.
+    fn rank(&self) -> usize {
+        let label = self.label.as_deref().unwrap_or_default();
+        let last = label
+            .rsplit('.')
+            .next()
+            .unwrap_or(label)
+            .to_ascii_lowercase();
+        if last.is_empty() || PICTURES.contains(&last.as_str()) {
+            0
+        } else {
+            1 + usize::from(is_no_picture(label))
+        }
+    }
+
+    /// Whether it is the part of its view, among all `parts`, whose channels go by their bare names. A part that all views share is none in a file that
+    /// has views.
+    fn holds_bare_names(&self, parts: &[Self]) -> bool {
+        let alike = parts.iter().filter(|part| part.view() == self.view());
+        let best = alike.min_by_key(|part| (part.rank(), part.index));
+        let shared = self.view().is_none() && parts.iter().any(|part| part.view().is_some());
+        !shared && best.is_some_and(|best| best.index == self.index)
+    }
+}
+
+/// Names of parts, in lower case, that hold the picture.
+const PICTURES: [&str; 10] = [
+    "rgba", "rgb", "beauty", "combined", "ci", "color", "colour", "main", "image", "final",
+];
+
+/// Words, in lower case, that are all of a name's letters or begin them where a layer is no picture.
+const NO_PICTURES: [&str; 22] = [
+    "n",
+    "ns",
+    "nn",
+    "z",
+    "p",
+    "normal",
+    "shnormal",
+    "bumpnormal",
+    "albedo",
+    "diffusealbedo",
+    "denoising",
+    "depth",
+    "position",
+    "variance",
+    "mse",
+    "halfa",
+    "halfb",
+    "crypto",
+    "uv",
+    "motion",
+    "vector",
+    "mask",
+];
+
+/// Whether a layer or part of this name holds features, their noise or numbers, and no picture.
+pub(crate) fn is_no_picture(name: &str) -> bool {
+    let last = name.rsplit('.').next().unwrap_or(name);
+    let letters = last.chars().filter(char::is_ascii_alphabetic);
+    let word: String = letters.map(|c| c.to_ascii_lowercase()).collect();
+    let known = |known: &str| word == known || (known.len() > 3 && word.starts_with(known));
+    NO_PICTURES.iter().any(|name| known(name)) || word.ends_with("variance") || is_identifier(name)
+}
+
 /// The channels among `names` of the first of `sets` that is complete.
 fn complete<'a, const N: usize>(
     names: impl Iterator<Item = &'a NamedChannel>,
@@ -256,8 +342,8 @@ fn triple_of(name: &str, names: &[&str]) -> Option<(String, String)> {
     })
 }
 
-/// The names of a channel: with the part's name before it unless it is there already; bare too in the first part.
-fn spellings(own: &str, part: Option<&str>, first: bool) -> Vec<String> {
+/// The names of a channel: with the part's name before it unless it is there already; bare too in the part that holds those.
+fn spellings(own: &str, part: Option<&str>, bare: bool) -> Vec<String> {
     match part {
         None | Some("") => vec![own.to_owned()],
         Some(part)
@@ -267,7 +353,7 @@ fn spellings(own: &str, part: Option<&str>, first: bool) -> Vec<String> {
         {
             vec![own.to_owned()]
         }
-        Some(part) if first => vec![own.to_owned(), format!("{part}.{own}")],
+        Some(part) if bare => vec![own.to_owned(), format!("{part}.{own}")],
         Some(part) => vec![format!("{part}.{own}")],
     }
 }

@@ -30,12 +30,13 @@ impl fmt::Display for Samples {
     }
 }
 
-/// Finds the samples per pixel: what the user says, then a channel, then an attribute of one of `parts`.
+/// Finds the samples per pixel: what the user says, then a channel, then an attribute of one of `parts`, of the view layer whose channels begin with `prefix`.
 pub(crate) fn find(
     spp: Option<u32>,
     channel: Option<ChannelRef>,
     names: &ChannelNames,
     parts: &[&Part],
+    prefix: &str,
 ) -> Option<Samples> {
     if let Some(spp) = spp {
         return Some(Samples {
@@ -43,7 +44,7 @@ pub(crate) fn find(
             origin: "as asked".into(),
         });
     }
-    let total = parts.iter().find_map(|part| attribute(part));
+    let total = parts.iter().find_map(|part| attribute(part, prefix));
     let Some(at) = channel else {
         return total.map(|(count, origin)| Samples {
             count: Count::Fixed(count),
@@ -64,7 +65,7 @@ pub(crate) fn find(
 }
 
 /// The samples per pixel that a part's attributes state.
-fn attribute(part: &Part) -> Option<(f32, String)> {
+fn attribute(part: &Part, prefix: &str) -> Option<(f32, String)> {
     let int = INT_ATTRIBUTES.iter().find_map(|name| {
         let count = part.attributes.int(name)?;
         (count > 0).then(|| (count as f32, format!("attribute {name:?}")))
@@ -72,7 +73,8 @@ fn attribute(part: &Part) -> Option<(f32, String)> {
     int.or_else(|| {
         part.attributes.iter().find_map(|attribute| {
             let name = std::str::from_utf8(&attribute.name).ok()?;
-            if !(name.starts_with("cycles.") && name.ends_with(".samples")) {
+            let own = name.strip_prefix("cycles.")?.strip_suffix("samples")?;
+            if !(own.ends_with('.') && (prefix.is_empty() || own == prefix)) {
                 return None;
             }
             let count: u32 = std::str::from_utf8(&attribute.value)

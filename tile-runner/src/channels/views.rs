@@ -2,7 +2,7 @@
 //!
 //! OpenEXR knows two ways: parts with an attribute `view`, and one part with an attribute `multiView`, a list of names that stand in the channels' own
 //! (`right.R`, `diffuse.right.G`; Blender has `ViewLayer.Combined.right.B`), where a channel with none is of the first view. Some writers leave both out, and
-//! have `left` and `right` in the names alone.
+//! have `left` and `right`, or one of them, in the names alone.
 
 use std::sync::Arc;
 
@@ -29,10 +29,27 @@ pub(crate) fn of_file(file: &ExrFile) -> Vec<Arc<str>> {
     if views.is_empty() && ["left", "right"].iter().all(|view| is_in_names(file, view)) {
         views = ["left", "right"].map(Into::into).to_vec();
     }
+    // the second eye beside the first, which has no name
+    for [first, second] in [["left", "right"], ["right", "left"]] {
+        if views.is_empty() && stands_beside(file, second) {
+            views = [first, second].map(Into::into).to_vec();
+        }
+    }
     match views.len() {
         0 | 1 => Vec::new(),
         _ => views,
     }
+}
+
+/// Whether the file is of one part, in which a channel of this view stands beside one of the same name without it.
+fn stands_beside(file: &ExrFile, view: &str) -> bool {
+    let [part] = file.parts() else { return false };
+    let names = 0..part.header.channels.list.len();
+    let names: Vec<String> = names.map(|channel| part.channel_name(channel)).collect();
+    let of_view = of_channels(&names, None, &[view.into()], false);
+    let named = of_view.iter().filter(|(view, _)| view.is_some());
+    let mut named = named.filter(|(_, name)| ["R", "red", "r"].contains(&name.as_str()));
+    named.any(|(_, name)| names.contains(name))
 }
 
 /// Whether a part's name, or the layer of a channel's, has this view in it.

@@ -63,23 +63,9 @@ fn warn(summary: &Summary, pictures: &[Input], total: &Report) {
             summary.clamped
         );
     }
-    let layers = pictures.iter().flat_map(|picture| &picture.layers);
-    let names: Vec<&str> = (layers.filter(|layer| layer.is_light))
-        .map(|layer| layer.name.as_str())
-        .collect();
-    // layers that sum to most of the colour claim to sum to all of it
-    if summary.layers_off > counts.pixels / 2 {
-        tracing::info!(
-            "the layers {} are not parts of the colour: they do not sum to it in the input",
-            names.join(" ")
-        );
-    } else if summary.layers_off > 0 {
-        tracing::warn!(
-            "the layers {} do not sum to the colour at {} of {} pixels, in the input already",
-            names.join(" "),
-            summary.layers_off,
-            counts.pixels
-        );
+    let reports = summary.reports.iter().zip(&summary.layers_off);
+    for (picture, (report, &off)) in pictures.iter().zip(reports) {
+        warn_of_layers(picture, off, report.counts.pixels);
     }
     if counts.estimated > 0 {
         tracing::warn!(
@@ -89,9 +75,34 @@ fn warn(summary: &Summary, pictures: &[Input], total: &Report) {
             percent(counts.estimated, counts.pixels)
         );
     }
+    let stated = pictures
+        .iter()
+        .any(|picture| picture.roles.variance.is_known());
     if counts.pixels > 0 && counts.passed_through == counts.pixels {
         tracing::warn!(
-            "no pixel was changed: by the variances in the file none has any noise; --map variance=none estimates it from the picture"
+            "no pixel was changed: {}",
+            match stated {
+                true =>
+                    "by the variances in the file none has any noise; --map variance=none estimates it from the picture",
+                false => "no noise was found in the colour",
+            }
+        );
+    }
+}
+
+/// Says where the layers of a picture do not sum to its colour. Those that sum to most of it claim to sum to all of it.
+fn warn_of_layers(picture: &Input, off: u64, pixels: u64) {
+    let layers = picture.layers.iter().filter(|layer| layer.is_light);
+    let names: Vec<&str> = layers.map(|layer| layer.name.as_str()).collect();
+    if off > pixels / 2 {
+        tracing::info!(
+            "the layers {} are not parts of the colour: they do not sum to it in the input",
+            names.join(" ")
+        );
+    } else if off > 0 {
+        tracing::warn!(
+            "the layers {} do not sum to the colour at {off} of {pixels} pixels, in the input already",
+            names.join(" ")
         );
     }
 }

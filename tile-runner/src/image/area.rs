@@ -49,8 +49,13 @@ impl<S: RowSource> Wrapped<S> {
 pub(crate) fn wrapped_layout(layout: RowLayout) -> RowLayout {
     let width = layout.size.width().saturating_add(2 * REACH);
     // an image as wide as a data window can be is not wrapped: it would be wider
-    let size = ImageSize::new(width, layout.size.height());
-    layout.with_size(size.unwrap_or(layout.size))
+    match ImageSize::new(width, layout.size.height()) {
+        Some(size) => RowLayout {
+            margin: REACH,
+            ..layout.with_size(size)
+        },
+        None => layout,
+    }
 }
 
 impl<S: RowSource> RowSource for Wrapped<S> {

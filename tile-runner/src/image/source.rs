@@ -222,6 +222,7 @@ pub(crate) fn layout(roles: &Roles, size: ImageSize, layers: &[Layer]) -> RowLay
         scalars: (layers.iter().filter(|layer| !layer.is_light))
             .map(|layer| layer.channels.len())
             .sum(),
+        margin: 0,
     }
 }
 

@@ -38,8 +38,8 @@ pub struct Summary {
     pub reports: Vec<Report>,
     /// Samples that half precision cannot hold, clamped to its largest value.
     pub clamped: u64,
-    /// Pixels whose extra layers do not sum to the colour in the input (so they cannot in the output).
-    pub layers_off: u64,
+    /// Of each picture, the pixels whose extra layers do not sum to the colour in the input (so they cannot in the output).
+    pub layers_off: Vec<u64>,
     /// Bytes of memory that the process had in use at most so far, where the system tells.
     pub peak_memory: Option<u64>,
 }
@@ -94,7 +94,7 @@ pub fn denoise(
     Ok(Summary {
         reports,
         clamped: sink.finish()?,
-        layers_off: sources.iter().map(Rows::layers_off).sum(),
+        layers_off: sources.iter().map(Rows::layers_off).collect(),
         peak_memory: memory::peak(),
     })
 }
@@ -330,13 +330,23 @@ fn marks(pictures: &[Input], options: &JobOptions) -> Result<Vec<(&'static str, 
     let roles: Vec<String> = roles.collect();
     let layers = pictures.iter().flat_map(|picture| &picture.layers);
     let layers: Vec<&str> = layers.map(|layer| layer.name.as_str()).collect();
+    let samples = pictures
+        .iter()
+        .map(|picture| picture.roles.samples.as_ref());
+    let samples: Vec<String> = samples.flatten().map(ToString::to_string).collect();
+    let wraps: Vec<String> = pictures
+        .iter()
+        .map(|picture| picture.wrap.to_string())
+        .collect();
     let text = format!(
-        "formulas {:?}; coverage {}; vary features {}; {}; layers {}",
+        "formulas {:?}; coverage {}; vary features {}; {}; layers {}; samples {}; wraps {}",
         params.formulas,
         params.coverage,
         params.vary_features,
         roles.join("; "),
         layers.join(","),
+        samples.join(","),
+        wraps.join(","),
     );
     let noise = pictures.iter().flat_map(|picture| {
         let roles = [Role::Variance, Role::HalfA, Role::HalfB];

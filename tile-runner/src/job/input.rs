@@ -7,6 +7,7 @@ use std::sync::atomic::AtomicBool;
 use crate::channels::names::{ChannelNames, ChannelRef};
 use crate::channels::roles::layers::{self, Layer};
 use crate::channels::roles::{RoleRequest, Roles, resolve};
+use crate::channels::variance::Variance;
 use crate::error::{Error, Setting};
 use crate::exr_file::ExrFile;
 use crate::exr_file::compression::SharedCodec;
@@ -127,6 +128,11 @@ impl Input {
                 return Err(problem);
             }
             picture.roles.zero_is_unknown = found.zero_is_unknown;
+            for feature in &mut picture.roles.features {
+                if found.halves_are_one && matches!(feature.variance, Variance::OtherFile(_)) {
+                    feature.variance = Variance::None;
+                }
+            }
             picture.roles.warnings.extend(found.warnings);
             picture.roles.notes.extend(found.notes);
             picture.area = found.area.unwrap_or(picture.area);

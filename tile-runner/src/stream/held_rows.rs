@@ -13,7 +13,7 @@ use crate::stream::row_ring::RowRing;
 const LARGEST: f32 = 1e15;
 
 /// Depths from here on are what renderers write where a ray leaves the scene.
-const NO_SURFACE: f32 = 1e9;
+pub(crate) const NO_SURFACE: f32 = 1e9;
 
 /// What cells, and the stages after them, read of a row.
 pub(crate) struct ColourRow {
@@ -99,7 +99,7 @@ impl ColourRow {
             for (own, (((red, green), blue), good)) in self.variance.iter_mut().zip(channels) {
                 let pixel = [red, green, blue];
                 let checked = pixel.map(|(v, value)| checked_variance(*v, *value));
-                let unknown = pixel.iter().any(|(v, _)| v.is_nan());
+                let unknown = pixel.iter().any(|(v, _)| !v.is_finite());
                 let sum = if unknown {
                     f32::NAN
                 } else {

@@ -19,3 +19,5 @@ pub(crate) mod row_ring;
 mod sum_rows;
 pub mod survey;
 pub(crate) mod threads;
+
+pub(crate) use held_rows::NO_SURFACE;

@@ -155,7 +155,7 @@ impl Pipeline {
             written: 0,
             report: Report {
                 counts: Counts {
-                    pixels: layout.size.pixels(),
+                    pixels: layout.pixels(),
                     ..Counts::default()
                 },
                 ..Report::default()

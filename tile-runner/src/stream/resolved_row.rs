@@ -1,5 +1,7 @@
 //! Rows of output, made of the sums of their predictions.
 
+use std::ops::Range;
+
 use linpred_core::{Formulas, resolve, resolve_layer, resolve_scalar};
 
 use crate::row::{OutputRow, RowLayout, sums_up};
@@ -17,6 +19,8 @@ pub(crate) fn rows_per_thread(width: usize) -> usize {
 
 /// A row of output, and what became of its pixels.
 pub(crate) struct ResolvedRow {
+    /// Columns that are counted.
+    own: Range<usize>,
     pub(crate) output: OutputRow,
     pub(crate) counts: Counts,
 }
@@ -24,6 +28,7 @@ pub(crate) struct ResolvedRow {
 impl ResolvedRow {
     pub(crate) fn new(layout: &RowLayout) -> Self {
         Self {
+            own: layout.margin..layout.size.width() - layout.margin,
             output: OutputRow::new(layout),
             counts: Counts::default(),
         }
@@ -34,7 +39,9 @@ impl ResolvedRow {
         self.counts = Counts::default();
         for (x, sum) in sums.colour.iter().enumerate() {
             let pixel = row.pixel::<0>(x);
-            self.counts.add_pixel(pixel.state, row.colours, x);
+            if self.own.contains(&x) {
+                self.counts.add_pixel(pixel.state, row.colours, x);
+            }
             let denoised = resolve(&pixel, sum, formulas);
             for (plane, value) in self.output.colour.iter_mut().zip(denoised.colour) {
                 plane[x] = value;

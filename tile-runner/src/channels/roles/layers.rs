@@ -100,7 +100,9 @@ fn matching(names: &ChannelNames, roles: &Roles, pattern: &str) -> Vec<Layer> {
             continue;
         };
         let integers = channels.iter().any(|at| is_integer(file, *at));
-        if untouched || integers || has_a_role(roles, &channels) {
+        let part = |at: &ChannelRef| &file.parts()[at.part];
+        let refused = channels.iter().any(|at| part(at).refusal.is_some());
+        if untouched || integers || refused || has_a_role(roles, &channels) {
             continue;
         }
         found.extend(layer(names, roles, name, channels.to_vec(), true).ok());

@@ -218,6 +218,19 @@ impl<'a> Search<'a> {
                 format!("preset {} (by the header's attributes)", seen.name),
             ));
         }
+        let blender = Preset::named("blender").filter(|_| presets.is_empty());
+        let is_cycles = |layer: &&str| {
+            let layer = layer.rsplit('.').next().unwrap_or(layer);
+            layer == "Noisy Image" || layer.starts_with("Denoising ")
+        };
+        if let Some(blender) = blender
+            && names.layers(0).iter().any(is_cycles)
+        {
+            presets.push((
+                blender,
+                "preset blender (by the names of its layers)".into(),
+            ));
+        }
         presets.push((&COMMON, COMMON.name.to_owned()));
         Self {
             names,
@@ -385,6 +398,7 @@ impl<'a> Search<'a> {
             self.get(Role::Samples).map(|a| a.channels[0]),
             names,
             &parts,
+            self.colour_prefix(),
         );
         let variance = self.colour_variance(colour, samples.as_ref())?;
         let features = Feature::ALL.into_iter();

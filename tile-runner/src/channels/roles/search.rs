@@ -2,7 +2,7 @@
 
 use super::{Assignment, Mapping, Search};
 use crate::channels::identifiers::is_identifier;
-use crate::channels::names::ChannelRef;
+use crate::channels::names::{ChannelRef, is_no_picture};
 use crate::channels::presets::{Components, MOMENT, Pattern, Preset, Role, Rule};
 use crate::channels::variance::Meaning;
 use crate::error::{Error, Remedy, Setting};
@@ -332,7 +332,7 @@ impl<'a> Search<'a> {
         let coloured =
             layers.filter_map(|name| Some((name, self.layer(name, Components::Colour)?)));
         coloured
-            .filter(|(_, channels)| self.decodable(channels))
+            .filter(|(name, channels)| self.decodable(channels) && !is_no_picture(name))
             .collect()
     }
 
@@ -406,7 +406,11 @@ fn is_no_light(name: &str) -> bool {
     let other = [
         "z", "x", "t", "u", "v", "w", "a", "alpha", "zback", "depth", "zdepth", "mask",
     ];
-    other.contains(&component.as_str()) || is_noise(name) || is_identifier(name)
+    let layer = name.rsplit_once('.').map(|(layer, _)| layer);
+    other.contains(&component.as_str())
+        || is_noise(name)
+        || is_identifier(name)
+        || layer.is_some_and(is_no_picture)
 }
 
 /// Whether a layer is called as renderers call their variances.

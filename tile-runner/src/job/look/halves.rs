@@ -13,9 +13,11 @@ use crate::row::{InputRow, RowSource};
 
 /// Columns and rows of a block.
 const BLOCK: usize = STRIP;
-/// How many times the mean difference of a block may exceed that of noise, squared, on average: noise has 1, that of pixels that share samples some 10,
+/// How many times the mean difference of a block may exceed that of noise, squared, on average: noise has 1,
 /// two pictures that have nothing to do with each other up to 256.
 const DIFFERENT: f64 = 32.0;
+/// From here on, too, for a word: frames that follow each other, a camera that moved. Pixels that share samples have some 3.
+const SUSPECT: f64 = 8.0;
 /// Ratio of the noise of halves, in standard deviations, that is worth a word: that of twice the samples.
 const UNLIKE: f64 = 1.4;
 
@@ -41,6 +43,11 @@ impl HalvesLook {
     /// Whether they are of different pictures.
     pub(super) fn differ(&self) -> bool {
         self.of_blocks > DIFFERENT * self.of_noise
+    }
+
+    /// Whether they differ in places by more than noise.
+    pub(super) fn seem_to_differ(&self) -> bool {
+        self.of_blocks > SUSPECT * self.of_noise
     }
 
     /// How many times as strong the noise of one is as that of the other, where that is worth a word.

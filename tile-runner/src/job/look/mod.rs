@@ -32,6 +32,8 @@ pub(super) const STRIP: usize = 16;
 pub(super) struct Findings {
     /// Whether a variance of 0 says that nothing is known.
     pub(super) zero_is_unknown: bool,
+    /// Whether the two halves of the samples are one picture.
+    pub(super) halves_are_one: bool,
     /// What of the image was rendered, if not all of it.
     pub(super) area: Option<Area>,
     /// Whether the left and right ends of the picture meet.
@@ -58,7 +60,7 @@ pub(super) fn look(input: &Input, wrap: Wrap, limit: u64) -> Result<Findings, Er
         for y in strip.clone() {
             source.read_row(y, &mut row)?;
             pixels.add_row(&row);
-            seam.add_row(&row.colour);
+            seam.add_row(&row);
         }
         pixels.end_strip();
     }
@@ -74,6 +76,7 @@ pub(super) fn look(input: &Input, wrap: Wrap, limit: u64) -> Result<Findings, Er
     };
     let mut found = Findings {
         zero_is_unknown: input.roles.zero_is_unknown || pixels.zeros_are_noisy(),
+        halves_are_one: halves.as_ref().is_some_and(HalvesLook::are_one),
         wrap: wraps(input, wrap, area, &seam),
         area,
         warnings: Vec::new(),
@@ -135,6 +138,10 @@ impl Findings {
                 },
                 None => Error::Invalid(format!("{}: {problem}", input.path().display())),
             });
+        } else if halves.seem_to_differ() {
+            self.warnings.push(
+                "the two halves differ by more than noise: are they of the same frame, and the same camera?".into(),
+            );
         } else if let Some(ratio) = halves.noise_ratio() {
             self.warnings.push(format!(
                 "the noise of one half is {ratio:.1} times as strong as that of the other (another number of samples?): their average weighs both alike, and is noisier than it could be"

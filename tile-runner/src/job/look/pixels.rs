@@ -55,6 +55,8 @@ struct Block {
     near: f64,
     far: f64,
     count: u32,
+    /// How many are more than rounding.
+    differing: u32,
     level: f64,
     /// Squared second differences of neighbours with noise, and what their variances make of those.
     between: f64,
@@ -158,7 +160,9 @@ impl Block {
             return;
         }
         let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|k| around[k].level);
-        self.near += (b - 2.0 * c + d).powi(2);
+        let second = (b - 2.0 * c + d).powi(2);
+        self.near += second;
+        self.differing += u32::from(second > ROUNDING * ROUNDING * c * c);
         self.far += (a - 2.0 * c + e).powi(2);
         self.level += c * c;
         self.count += 1;
@@ -182,8 +186,9 @@ impl Block {
         self.noisy += 1;
     }
 
-    /// Whether the differences of its pixels are those of noise.
+    /// Whether the differences of its pixels are those of noise, which is everywhere: a star is white, too, but alone.
     fn is_white(&self) -> bool {
-        self.near > ROUNDING * ROUNDING * self.level && self.near >= WHITE * self.far
+        let dense = 2 * self.differing >= self.count;
+        dense && self.near > ROUNDING * ROUNDING * self.level && self.near >= WHITE * self.far
     }
 }
