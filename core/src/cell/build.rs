@@ -71,13 +71,12 @@ fn build<F: Fit<T, D, L>, const T: usize, const D: usize, const L: usize>(
     }
     for layer in 0..layers {
         read_layer(cells, centres, layer, predicted.colours());
-        let even = even_lanes(&windows.samples, predicted.colours());
-        let centre = predicted.colours()[0];
+        let (even, value) = even_lanes(&windows.samples, predicted.colours());
         let mut coefficients = [[[0.0; L]; T]; CHANNELS];
         if !even.iter().all(|even| *even) {
             coefficients = fit.fit_layer(windows, &models.radius, predicted.colours());
         }
-        keep_even(&mut coefficients, &even, &centre);
+        keep_even(&mut coefficients, &even, &value);
         predicted.predict_layer(&coefficients, windows);
         for (lane, centre) in with_models(centres, &windows.live) {
             if let Some(layer) = cells.results(lane).1.get_mut(layer) {
@@ -97,36 +96,46 @@ fn with_models<const L: usize>(
     lanes.filter_map(|(lane, (centre, live))| centre.filter(|_| *live).map(|centre| (lane, centre)))
 }
 
-/// In which lanes a layer has one value for every pixel of the window that has a weight. Most of an alpha is like that, and many a layer is black
-/// over most of an image: nothing is to be fitted there, and what a fit adds is rounding.
+/// In which lanes a layer has one value for every pixel of the window that has a weight, and that value. Most of an alpha is like that, and many a layer is
+/// black over most of an image: nothing is to be fitted there, and what a fit adds is rounding.
 #[inline(always)]
-fn even_lanes<const L: usize>(samples: &[Sample<L>; WINDOW_AREA], layer: &Colours<L>) -> [bool; L] {
-    let [centre, ..] = layer;
-    let mut differ = [0.0; L];
+fn even_lanes<const L: usize>(
+    samples: &[Sample<L>; WINDOW_AREA],
+    layer: &Colours<L>,
+) -> ([bool; L], Rgb<L>) {
+    let mut low = [[f32::MAX; L]; CHANNELS];
+    let mut high = [[f32::MIN; L]; CHANNELS];
     for (sample, colour) in samples.iter().zip(layer) {
         for c in 0..CHANNELS {
             for l in 0..L {
-                let apart = (colour[c][l] - centre[c][l]).abs();
-                let counts = sample.weight[l] > 0.0;
-                differ[l] += if counts { apart } else { 0.0 };
+                let (value, counts) = (colour[c][l], sample.weight[l] > 0.0);
+                let (below, above) = (value < low[c][l], value > high[c][l]);
+                low[c][l] = if counts && below { value } else { low[c][l] };
+                high[c][l] = if counts && above { value } else { high[c][l] };
             }
         }
         lanes_stay_innermost();
     }
-    differ.map(|differ| differ == 0.0)
+    let mut even = [true; L];
+    for (low, high) in low.iter().zip(&high) {
+        for l in 0..L {
+            even[l] = even[l] && low[l] == high[l];
+        }
+    }
+    (even, low)
 }
 
-/// Makes the models of even lanes the value of their centres.
+/// Makes the models of even lanes their value.
 #[inline(always)]
 fn keep_even<const T: usize, const L: usize>(
     coefficients: &mut Coefficients<T, L>,
     even: &[bool; L],
-    centre: &Rgb<L>,
+    value: &Rgb<L>,
 ) {
-    for (channel, centre) in coefficients.iter_mut().zip(centre) {
+    for (channel, value) in coefficients.iter_mut().zip(value) {
         for (t, coefficient) in channel.iter_mut().enumerate() {
             for l in 0..L {
-                let value = if t == 0 { centre[l] } else { 0.0 };
+                let value = if t == 0 { value[l] } else { 0.0 };
                 coefficient[l] = if even[l] { value } else { coefficient[l] };
             }
         }

@@ -96,7 +96,7 @@ fn a_clean_background_is_still_believed() {
     let clean = |x: usize, y: usize| x < SIDE / 2 || y < 8;
     // a slope with some structure and stars, without noise
     let star = |x: usize, y: usize| {
-        if (7 * x + 13 * y) % 41 == 0 {
+        if (7 * x + 13 * y).is_multiple_of(41) {
             20.0
         } else {
             0.0
