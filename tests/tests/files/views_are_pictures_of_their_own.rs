@@ -20,6 +20,15 @@ fn of(prefix: &str, components: &[&str], seed: u32) -> Vec<NamedSamples> {
         .collect()
 }
 
+fn rgb(seed: u32) -> Vec<NamedSamples> {
+    of("", &["R", "G", "B"], seed)
+}
+
+/// With the layer's name before its components, or without.
+fn normal(layer: &str, seed: u32) -> Vec<NamedSamples> {
+    of(layer, &["X", "Y", "Z"], seed)
+}
+
 fn with_views(mut part: TestPart, views: &[&str]) -> TestPart {
     let views = views.iter().map(|view| Text::new_or_panic(*view)).collect();
     part.attributes
@@ -134,13 +143,11 @@ fn a_view_comes_out_as_it_does_alone_whatever_the_bands_and_threads() {
 fn views_of_parts_are_told_by_their_attributes_and_names_in_any_order() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("in.exr");
-    let rgb = |seed| of("", &["R", "G", "B"], seed);
-    let normal = |seed| of("N.", &["X", "Y", "Z"], seed);
     let parts = vec![
         of_view("rgba_left", "left", rgb(1)),
         of_view("right.rgba", "right", rgb(4)),
-        of_view("N_right", "right", normal(7)),
-        of_view("N_left", "left", normal(10)),
+        of_view("N_right", "right", normal("N.", 7)),
+        of_view("N_left", "left", normal("N.", 10)),
     ];
     write(&path, SIZE, parts);
     let [left, right] = &pictures(&path)[..] else {
@@ -161,16 +168,14 @@ fn views_of_parts_are_told_by_their_attributes_and_names_in_any_order() {
 fn a_view_is_found_whatever_stands_before_it() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("in.exr");
-    let rgb = |seed| of("", &["R", "G", "B"], seed);
-    let normal = |seed| of("", &["X", "Y", "Z"], seed);
     let parts = vec![
-        of_view("N_left", "left", normal(7)),
+        of_view("N_left", "left", normal("", 7)),
         of_view("rgba_left", "left", rgb(1)),
         TestPart {
             name: Some("matte"),
             ..part(rgb(20))
         },
-        of_view("N_right", "right", normal(10)),
+        of_view("N_right", "right", normal("", 10)),
         of_view("rgba_right", "right", rgb(4)),
     ];
     write(&path, SIZE, parts);

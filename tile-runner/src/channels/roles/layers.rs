@@ -6,7 +6,7 @@ use crate::channels::identifiers::{Cryptomattes, is_identifier, is_integer};
 use crate::channels::names::{ChannelNames, ChannelRef};
 use crate::channels::presets::Components;
 use crate::channels::roles::search::is_noise;
-use crate::channels::roles::{Roles, in_words};
+use crate::channels::roles::{Roles, other_window};
 use crate::channels::variance::Variance;
 use crate::error::{Error, Setting};
 
@@ -120,10 +120,7 @@ fn named(names: &ChannelNames, roles: &Roles, wanted: &str) -> Result<Vec<Layer>
             continue;
         }
         if cryptomattes.has(name) || is_identifier(name) {
-            return Err(wrong(
-                wanted,
-                "holds identifiers, which are kept as they are".into(),
-            ));
+            return Err(kept(wanted, "identifiers"));
         }
         let light = names.components(0, name, Components::Colour.triples());
         let is_light = light.is_some();
@@ -141,10 +138,7 @@ fn named(names: &ChannelNames, roles: &Roles, wanted: &str) -> Result<Vec<Layer>
         .filter(|at| !roles.colour.contains(at));
     if let Some(at) = channel.filter(|_| found.is_empty()) {
         if is_identifier(wanted) {
-            return Err(wrong(
-                wanted,
-                "holds identifiers, which are kept as they are".into(),
-            ));
+            return Err(kept(wanted, "identifiers"));
         }
         found.push(layer(names, roles, wanted, vec![at], false)?);
     }
@@ -155,11 +149,13 @@ fn named(names: &ChannelNames, roles: &Roles, wanted: &str) -> Result<Vec<Layer>
         .find(|at| is_integer(&names.files()[0], **at))
     {
         None => Ok(found),
-        Some(_) => Err(wrong(
-            wanted,
-            "holds integers, which are kept as they are".into(),
-        )),
+        Some(_) => Err(kept(wanted, "integers")),
     }
+}
+
+/// A layer that no arithmetic may touch.
+fn kept(wanted: &str, what: &str) -> Error {
+    wrong(wanted, format!("holds {what}, which are kept as they are"))
 }
 
 fn wrong(pattern: &str, problem: String) -> Error {
@@ -182,12 +178,7 @@ fn check_window(names: &ChannelNames, roles: &Roles, layer: &Layer) -> Result<()
     let colour = window(roles.colour[0]);
     match layer.channels.iter().find(|at| window(**at) != colour) {
         None => Ok(()),
-        Some(odd) => Err(Error::Invalid(format!(
-            "{}: its data window is {}, the colour's {}",
-            names.place(*odd),
-            in_words(window(*odd)),
-            in_words(colour)
-        ))),
+        Some(odd) => Err(Error::Invalid(other_window(names, *odd, colour))),
     }
 }
 

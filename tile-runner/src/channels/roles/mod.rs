@@ -347,12 +347,8 @@ impl<'a> Search<'a> {
                 kept.push(assignment);
                 continue;
             };
-            let (place, own) = (self.names.place(odd), window(odd));
-            let differs = format!(
-                "{place}: its data window is {}, the colour's {}",
-                in_words(own),
-                in_words(colour)
-            );
+            let own = window(odd);
+            let differs = other_window(self.names, odd, colour);
             let role = assignment.role;
             let overlaps = overlap(own, colour);
             if matches!(role, Role::Colour | Role::Alpha) || (assignment.by_user && !overlaps) {
@@ -487,8 +483,19 @@ fn already_denoised(file: &ExrFile) -> Option<String> {
     ))
 }
 
+/// Says that a channel has another data window than the colour, whose window is `colour`.
+fn other_window(names: &ChannelNames, at: ChannelRef, colour: IntegerBounds) -> String {
+    let own = names.files()[at.file].parts()[at.part].data_window();
+    format!(
+        "{}: its data window is {}, the colour's {}",
+        names.place(at),
+        in_words(own),
+        in_words(colour)
+    )
+}
+
 /// A data window for people.
-pub(crate) fn in_words(window: IntegerBounds) -> String {
+fn in_words(window: IntegerBounds) -> String {
     let (size, corner) = (window.size, window.position);
     format!(
         "{} x {} pixels at ({}, {})",

@@ -1,7 +1,8 @@
 //! A look at some of an image's rows before it is denoised: whether its variances are some, its halves are of one picture, its pixels share samples, its ends
 //! meet, and whether all of it was rendered.
 //!
-//! It depends on the file alone, so bands of an image agree on what they find.
+//! It depends on the file alone, so bands of an image agree on what they find. The one thing that takes all rows, once, is what was rendered of an image whose first
+//! or last row or column is empty.
 
 mod edges;
 mod halves;
@@ -9,7 +10,6 @@ mod pixels;
 
 use std::ops::Range;
 
-use crate::channels::roles::Roles;
 use crate::channels::variance::Variance;
 use crate::error::{Error, Setting};
 use crate::image::area::Area;
@@ -56,7 +56,8 @@ pub(super) fn look(input: &Input, wrap: Wrap, limit: u64) -> Result<Findings, Er
     let mut row = InputRow::new(&layout);
     let stated = matches!(input.roles.variance, Variance::Given { .. });
     let (mut pixels, mut seam) = (PixelsLook::new(&layout, stated), Seam::default());
-    for strip in strips(input, layout.size.height()) {
+    let strips = strips(input, layout.size.height());
+    for strip in &strips {
         for y in strip.clone() {
             source.read_row(y, &mut row)?;
             pixels.add_row(&row);
@@ -69,14 +70,15 @@ pub(super) fn look(input: &Input, wrap: Wrap, limit: u64) -> Result<Findings, Er
         source.read_row(y, &mut row)?;
         may_be_part |= edges::is_empty(&row, 0..layout.size.width());
     }
-    let halves = halves::look(input, &strips(input, layout.size.height()), limit)?;
+    let halves = halves::look(input, &strips, limit)?;
+    let halves_are_one = halves.as_ref().is_some_and(HalvesLook::are_one);
     let area = match may_be_part {
         true => rendered_area(&mut source, &mut row)?,
         false => None,
     };
     let mut found = Findings {
-        zero_is_unknown: input.roles.zero_is_unknown || pixels.zeros_are_noisy(),
-        halves_are_one: halves.as_ref().is_some_and(HalvesLook::are_one),
+        zero_is_unknown: input.roles.zero_is_unknown || pixels.zeros_are_noisy() || halves_are_one,
+        halves_are_one,
         wrap: wraps(input, wrap, area, &seam),
         area,
         warnings: Vec::new(),
@@ -92,7 +94,7 @@ impl Findings {
         if let Some(halves) = halves {
             self.say_of_halves(input, halves);
         } else if pixels.zeros_are_noisy() {
-            let names = variance_names(&input.roles, input);
+            let names = variance_names(input);
             self.warnings.push(format!(
                 "{names}: 0 at {:.0} % of the pixels looked at, where the picture has noise: what is 0 there is taken for unknown, and estimated from the picture",
                 100.0 * pixels.share_of_zeros()
@@ -114,14 +116,14 @@ impl Findings {
             ));
         }
         if self.wrap {
-            self.notes
-                .push("the left and right ends of the picture meet: windows wrap around them (--wrap none keeps them apart)".into());
+            self.notes.push(
+                "the left and right ends of the picture meet: windows wrap around them".into(),
+            );
         }
     }
 
     fn say_of_halves(&mut self, input: &Input, halves: &HalvesLook) {
         if halves.are_one() {
-            self.zero_is_unknown = true;
             self.warnings.push(
                 "the two halves are the same picture (the same seed?), so their difference says nothing of the noise: it is estimated from the picture; render the halves with different seeds"
                     .into(),
@@ -166,8 +168,8 @@ fn wraps(input: &Input, wrap: Wrap, area: Option<Area>, seam: &Seam) -> bool {
 }
 
 /// The channels of a given variance.
-fn variance_names(roles: &Roles, input: &Input) -> String {
-    let mut names: Vec<String> = match &roles.variance {
+fn variance_names(input: &Input) -> String {
+    let mut names: Vec<String> = match &input.roles.variance {
         Variance::Given { channels, .. } => {
             channels.iter().map(|at| input.names.name(*at)).collect()
         }
