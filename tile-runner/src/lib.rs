@@ -49,6 +49,8 @@
 //! `Serialize` for what inspecting and comparing find.
 
 pub mod channels;
+#[cfg(feature = "cli")]
+pub mod cli;
 mod error;
 pub mod exr_file;
 mod geometry;

@@ -3,9 +3,9 @@
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
 
+use crate::channels::{Mapping, PRESET_NAMES};
+use crate::job::{Band, parse_frames};
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use linpred::channels::{Mapping, PRESET_NAMES};
-use linpred::job::{Band, parse_frames};
 
 use super::number::{parse_coverage, parse_spp, parse_threads};
 use super::size::parse_size;

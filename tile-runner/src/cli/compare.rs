@@ -1,21 +1,21 @@
 //! `linpred compare`.
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 
-use linpred::exr_file::output::check_output;
-use linpred::job::{CompareRequest, Comparing, Comparison, DEFAULT_MEMORY_LIMIT, Figures};
-use linpred::{Error, ImageSize};
+use crate::exr_file::output::check_output;
+use crate::job::{CompareRequest, Comparing, Comparison, DEFAULT_MEMORY_LIMIT, Figures};
+use crate::{Error, ImageSize};
 
 use super::args::CompareArguments;
+use super::errors::DONE;
 use super::heatmap::Heatmap;
 use super::picture::Picture;
 use super::png_rows;
 use super::{stdout, stop, threads};
 
 /// Prints the figures of a comparison, and draws what is asked for.
-pub(crate) fn run(arguments: CompareArguments) -> Result<ExitCode, Error> {
+pub(crate) fn run(arguments: CompareArguments) -> Result<u8, Error> {
     let limit = arguments.max_memory.unwrap_or(DEFAULT_MEMORY_LIMIT);
     let request = CompareRequest::new(arguments.image, arguments.reference)
         .with_input(arguments.input)
@@ -38,7 +38,7 @@ pub(crate) fn run(arguments: CompareArguments) -> Result<ExitCode, Error> {
         false => in_words(&comparison),
     };
     stdout::print(&text)?;
-    Ok(ExitCode::SUCCESS)
+    Ok(DONE)
 }
 
 /// Which pictures are asked for.

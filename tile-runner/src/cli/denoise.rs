@@ -3,28 +3,27 @@
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use linpred::channels::{Preset, RoleRequest};
-use linpred::image::ExtraLayers;
-use linpred::job::{self, Input, InputRequest, JobOptions, Wrap};
-use linpred::{Error, Options};
+use crate::channels::{Preset, RoleRequest};
+use crate::image::ExtraLayers;
+use crate::job::{self, Frame, Input, InputRequest, JobOptions, Wrap};
+use crate::{Error, Options};
 use linpred_core::{Params, Quality};
 
 use super::args::{
     DenoiseArguments, FormulasName, InputArguments, LogArguments, LogFormat, ProgressStyle,
     QualityName, WrapName,
 };
-use super::frames::{self, Frame};
+use super::errors::DONE;
 use super::progress::Progress;
 use super::report::report;
 use super::{errors, output_name, stdout, stop, threads};
 
 /// Denoises one image, or the frames of a sequence.
-pub(crate) fn run(arguments: DenoiseArguments, log: &LogArguments) -> Result<ExitCode, Error> {
+pub(crate) fn run(arguments: DenoiseArguments, log: &LogArguments) -> Result<u8, Error> {
     output_name::check(&arguments.output)?;
     let run = Run {
         options: options(&arguments),
@@ -36,10 +35,8 @@ pub(crate) fn run(arguments: DenoiseArguments, log: &LogArguments) -> Result<Exi
         said: RefCell::default(),
     };
     let request = request(arguments.input).with_memory_limit(arguments.max_memory);
-    match frames::find(&request, &arguments.output, arguments.frames)? {
-        None => run
-            .image(&request, &arguments.output, None)
-            .map(|()| ExitCode::SUCCESS),
+    match job::frames(&request, &arguments.output, arguments.frames)? {
+        None => run.image(&request, &arguments.output, None).map(|()| DONE),
         Some(frames) => run.sequence(&frames),
     }
 }
@@ -119,7 +116,7 @@ impl Run {
     }
 
     /// A frame that fails does not stop the others; the first failure's exit code is the sequence's.
-    fn sequence(&self, frames: &[Frame]) -> Result<ExitCode, Error> {
+    fn sequence(&self, frames: &[Frame]) -> Result<u8, Error> {
         let mut failures = Vec::new();
         for frame in frames {
             match self.image(&frame.request, &frame.output, Some(frame.number)) {
@@ -132,10 +129,10 @@ impl Run {
             }
         }
         match failures.first() {
-            None => Ok(ExitCode::SUCCESS),
+            None => Ok(DONE),
             Some(&code) => {
                 tracing::error!("{} of {} frames failed", failures.len(), frames.len());
-                Ok(ExitCode::from(code))
+                Ok(code)
             }
         }
     }

@@ -2,19 +2,21 @@
 //! signal, 1 anything else.
 
 use std::error::Error as _;
-use std::process::ExitCode;
 
-use linpred::{Error, Remedy};
+use crate::{Error, Remedy};
 
 use super::stop;
+
+/// The exit code of a command that did what was asked for.
+pub(crate) const DONE: u8 = 0;
 
 /// The exit code of arguments that ask for nothing that can be done.
 pub(crate) const USAGE: u8 = 2;
 
 /// Says what went wrong, last of all.
-pub(crate) fn end(error: &Error) -> ExitCode {
+pub(crate) fn end(error: &Error) -> u8 {
     tracing::error!("{}", in_words(error));
-    ExitCode::from(code(error))
+    code(error)
 }
 
 /// The exit code that an error ends the process with.
@@ -57,13 +59,12 @@ fn advice(remedy: Remedy) -> &'static str {
         Remedy::NoVariance => {
             ", or add --map variance=none to estimate the variance from the picture"
         }
-        _ => "",
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use linpred::Setting;
+    use crate::Setting;
 
     use super::*;
 

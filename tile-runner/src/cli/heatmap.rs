@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use linpred::{Error, ImageSize};
+use crate::{Error, ImageSize};
 
 use super::png_rows::PngRows;
 

@@ -1,19 +1,19 @@
 //! `linpred inspect`.
 
-use std::process::ExitCode;
 use std::time::Instant;
 
-use linpred::Error;
-use linpred::job::{DEFAULT_MEMORY_LIMIT, Input, inspect_with};
-use linpred::survey::Survey;
+use crate::Error;
+use crate::job::{DEFAULT_MEMORY_LIMIT, Input, inspect_with};
+use crate::survey::Survey;
 
 use super::args::{InspectArguments, ProgressStyle, SurveyArguments};
 use super::denoise::request;
+use super::errors::DONE;
 use super::progress::Progress;
 use super::{errors, stdout, threads};
 
 /// Prints what a file holds. A file that cannot be denoised is described all the same, and ends in its exit code.
-pub(crate) fn run(arguments: InspectArguments) -> Result<ExitCode, Error> {
+pub(crate) fn run(arguments: InspectArguments) -> Result<u8, Error> {
     let request = request(arguments.input).with_memory_limit(arguments.survey.max_memory);
     let (mut inspection, problem) =
         inspect_with(&request, |input| survey(input, &arguments.survey))?;
@@ -23,9 +23,7 @@ pub(crate) fn run(arguments: InspectArguments) -> Result<ExitCode, Error> {
         false => inspection.to_string(),
     };
     stdout::print(&text)?;
-    Ok(problem.map_or(ExitCode::SUCCESS, |error| {
-        ExitCode::from(errors::code(&error))
-    }))
+    Ok(problem.map_or(DONE, |error| errors::code(&error)))
 }
 
 /// Reads the pixels, if that is asked for.
@@ -38,7 +36,7 @@ fn survey(input: &Input, arguments: &SurveyArguments) -> Result<Option<Survey>, 
     let style = arguments.progress.unwrap_or(ProgressStyle::Auto);
     let started = Instant::now();
     let mut progress = Progress::new(style, input.height(), input.path(), None, started);
-    let found = linpred::job::survey(input, threads, limit, &mut |rows| progress.set(rows));
+    let found = crate::job::survey(input, threads, limit, &mut |rows| progress.set(rows));
     progress.end();
     found.map(Some)
 }

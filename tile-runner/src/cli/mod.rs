@@ -1,23 +1,49 @@
-//! Arguments in, exit code out.
+//! The command line: arguments in, exit code out.
 
-pub(crate) mod allocator;
-pub(crate) mod args;
-pub(crate) mod compare;
-pub(crate) mod denoise;
-pub(crate) mod errors;
-pub(crate) mod frames;
-pub(crate) mod heatmap;
-pub(crate) mod inspect;
-pub(crate) mod log;
-pub(crate) mod number;
-pub(crate) mod output_name;
-pub(crate) mod picture;
-pub(crate) mod png_rows;
-pub(crate) mod progress;
-pub(crate) mod report;
-pub(crate) mod size;
-pub(crate) mod stdout;
-pub(crate) mod stitch;
-pub(crate) mod stop;
-pub(crate) mod threads;
-pub(crate) mod usage;
+use std::ffi::OsString;
+
+use clap::Parser;
+
+use args::{Arguments, Command};
+
+mod args;
+mod compare;
+mod denoise;
+mod errors;
+mod heatmap;
+mod inspect;
+mod log;
+mod number;
+mod output_name;
+mod picture;
+mod png_rows;
+mod progress;
+mod report;
+mod size;
+mod stdout;
+mod stitch;
+mod stop;
+mod threads;
+mod usage;
+
+/// Does what the command `linpred` does with these arguments, the first of which is its own name, and returns its exit code. For programs that offer the command line
+/// beside an interface of their own.
+///
+/// Writes to standard output and standard error. It takes over the process's signals, and its log can be started once: call it once in a process.
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    stop::let_writes_fail_at_the_size_limit();
+    let parsed = match Arguments::try_parse_from(&arguments) {
+        Ok(parsed) => parsed,
+        Err(error) => return usage::end(&error, &arguments),
+    };
+    log::start(&parsed.log);
+    crate::exr_file::coder_panics::tell_caught_ones_to(|panic| tracing::debug!("{panic}"));
+    let result = match parsed.command {
+        Command::Denoise(denoise) => denoise::run(denoise, &parsed.log),
+        Command::Inspect(inspect) => inspect::run(inspect),
+        Command::Compare(compare) => compare::run(compare),
+        Command::Stitch(stitch) => stitch::run(stitch),
+    };
+    result.unwrap_or_else(|error| errors::end(&error))
+}

@@ -3,7 +3,7 @@
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::str::FromStr;
 
-use linpred::Error;
+use crate::Error;
 
 /// Parses a number of threads.
 pub(crate) fn parse_threads(text: &str) -> Result<NonZeroUsize, Error> {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use linpred::Error;
+use crate::Error;
 
 /// Extensions of other formats for images.
 const OTHER_FORMATS: [&str; 36] = [

@@ -3,8 +3,8 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use linpred::job::{ColourRow, Comparing, PLACE, WorstPlace, tone_mapped, worst_places};
-use linpred::{Error, ImageSize};
+use crate::job::{ColourRow, Comparing, PLACE, WorstPlace, tone_mapped, worst_places};
+use crate::{Error, ImageSize};
 
 use super::heatmap::{NO_NUMBER, colour};
 use super::png_rows::{self, PngRows};

@@ -4,8 +4,8 @@ use std::io::Write;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use linpred::Error;
-use linpred::exr_file::output::OutputFile;
+use crate::Error;
+use crate::exr_file::output::OutputFile;
 
 /// Bytes that a picture of this width holds: a row to draw, the encoder's two and its filters', what it compresses.
 pub(crate) fn bytes(width: usize) -> u64 {

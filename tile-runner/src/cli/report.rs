@@ -3,8 +3,8 @@
 use std::path::Path;
 use std::time::Duration;
 
-use linpred::Report;
-use linpred::job::{Input, Summary};
+use crate::Report;
+use crate::job::{Input, Summary};
 
 use super::args::LogFormat;
 

@@ -1,6 +1,6 @@
 //! Sizes of memory as people write them.
 
-use linpred::Error;
+use crate::Error;
 
 /// Parses a size: a number of bytes, or one with K, M, G or T after it (powers of 1024). [`Error::Usage`] otherwise.
 pub(crate) fn parse_size(text: &str) -> Result<u64, Error> {

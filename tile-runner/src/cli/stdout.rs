@@ -2,7 +2,7 @@
 
 use std::io::{ErrorKind, Write};
 
-use linpred::Error;
+use crate::Error;
 
 /// Prints a text. [`Error::Write`] if it cannot be written; nobody is left to be told when a pipe was closed at its other end.
 pub(crate) fn print(text: &str) -> Result<(), Error> {

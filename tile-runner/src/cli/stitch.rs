@@ -1,16 +1,16 @@
 //! `linpred stitch`.
 
 use std::path::Path;
-use std::process::ExitCode;
 
-use linpred::Error;
-use linpred::job::stitch;
+use crate::Error;
+use crate::job::stitch;
 
 use super::args::StitchArguments;
+use super::errors::DONE;
 use super::{output_name, stop};
 
 /// Puts the bands of an image together.
-pub(crate) fn run(arguments: StitchArguments) -> Result<ExitCode, Error> {
+pub(crate) fn run(arguments: StitchArguments) -> Result<u8, Error> {
     output_name::check(&arguments.output)?;
     let bands: Vec<&Path> = arguments.bands.iter().map(AsRef::as_ref).collect();
     stitch(&bands, &arguments.output, &stop::on_signals())?;
@@ -19,5 +19,5 @@ pub(crate) fn run(arguments: StitchArguments) -> Result<ExitCode, Error> {
         arguments.output.display(),
         bands.len()
     );
-    Ok(ExitCode::SUCCESS)
+    Ok(DONE)
 }

@@ -2,24 +2,24 @@
 
 use std::ffi::OsString;
 use std::io::Write;
-use std::process::ExitCode;
 
 use super::args::{LogArguments, LogFormat};
+use super::errors::DONE;
 use super::{errors, log, stdout};
 
 /// Prints what clap has to say: help and the version to standard output, an error to standard error, as a line of JSON if the log is one.
-pub(crate) fn end(said: &clap::Error) -> ExitCode {
+pub(crate) fn end(said: &clap::Error, arguments: &[OsString]) -> u8 {
     if !said.use_stderr() {
         let printed = said.print().and_then(|()| std::io::stdout().flush());
         return match stdout::written(printed) {
-            Ok(()) => ExitCode::SUCCESS,
+            Ok(()) => DONE,
             Err(error) => {
-                log::start(&LogArguments::plain(asked_for(std::env::args_os())));
+                log::start(&LogArguments::plain(asked_for(arguments)));
                 errors::end(&error)
             }
         };
     }
-    match asked_for(std::env::args_os()) {
+    match asked_for(arguments) {
         LogFormat::Text => {
             // nobody is left to be told when standard error is closed
             let _ = said.print();
@@ -29,12 +29,13 @@ pub(crate) fn end(said: &clap::Error) -> ExitCode {
             tracing::error!("{}", in_a_line(&said.render().to_string()));
         }
     }
-    ExitCode::from(errors::USAGE)
+    errors::USAGE
 }
 
 /// The format of the log that arguments ask for which as a whole are not understood.
-fn asked_for(arguments: impl Iterator<Item = OsString>) -> LogFormat {
-    let arguments: Vec<OsString> = arguments.take_while(|argument| argument != "--").collect();
+fn asked_for(arguments: &[OsString]) -> LogFormat {
+    let end = arguments.iter().position(|argument| argument == "--");
+    let arguments = &arguments[..end.unwrap_or(arguments.len())];
     let apart = arguments
         .windows(2)
         .any(|pair| pair[0] == "--log-format" && pair[1] == "json");
@@ -84,7 +85,10 @@ mod tests {
 
     #[test]
     fn the_format_is_found_in_arguments_that_are_wrong() {
-        let format = |words: &str| asked_for(words.split(' ').map(OsString::from));
+        let format = |words: &str| {
+            let words: Vec<OsString> = words.split(' ').map(OsString::from).collect();
+            asked_for(&words)
+        };
         for words in ["x --log-format json", "--log-format=json x --nonsense"] {
             assert_eq!(format(words), LogFormat::Json, "{words}");
         }

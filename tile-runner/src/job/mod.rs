@@ -40,5 +40,5 @@ pub use inspect::{Inspection, PartInfo, RoleInfo, describe, inspect, inspect_wit
 pub use memory::{DEFAULT_MEMORY_LIMIT, MemoryPlan};
 pub use options::JobOptions;
 pub use plan::{Schedule, plan};
-pub use sequence::{FramePattern, parse_frames};
+pub use sequence::{Frame, FramePattern, frames, parse_frames};
 pub use stitch::stitch;

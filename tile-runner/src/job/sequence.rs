@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use crate::error::Error;
+use crate::job::input::InputRequest;
 
 /// Most frames of one command; more is a slip of the keyboard.
 const FRAME_LIMIT: u64 = 1_000_000;
@@ -74,6 +75,69 @@ impl FramePattern {
         // a number that would be written otherwise is another sequence's
         (format!("{frame:0width$}", width = self.digits) == number).then_some(frame)
     }
+}
+
+/// A frame of a sequence.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// Its number.
+    pub number: u32,
+    /// Its input.
+    pub request: InputRequest,
+    /// Its output.
+    pub output: PathBuf,
+}
+
+/// The frames of a sequence that are `wanted`, or all whose files exist; `None` when `request` names a single image. Its other half is taken
+/// from a sequence, too, if its name holds a place for the number.
+///
+/// [`Error::Usage`] if only one of the names has a place for the number, or frames are wanted of a single image; [`Error::Invalid`] if there are no frames.
+pub fn frames(
+    request: &InputRequest,
+    output: &Path,
+    wanted: Option<Vec<u32>>,
+) -> Result<Option<Vec<Frame>>, Error> {
+    let outputs = FramePattern::parse(output);
+    let Some(inputs) = FramePattern::parse(&request.path) else {
+        return match wanted {
+            None => Ok(None),
+            Some(_) => Err(Error::Usage(format!(
+                "{} has no place for the frame number (####, %04d or $F4), so no frames can be asked for",
+                request.path.display()
+            ))),
+        };
+    };
+    let outputs = outputs.ok_or_else(|| {
+            Error::Usage(format!(
+                "{} is a sequence, so the output {} needs a place for the frame number too (####, %04d or $F4)",
+                request.path.display(),
+                output.display()
+            ))
+        })?;
+    let frames = match wanted {
+        Some(frames) => frames,
+        None => inputs.existing()?,
+    };
+    if frames.is_empty() {
+        return Err(Error::Invalid(format!(
+            "{}: no such frames",
+            request.path.display()
+        )));
+    }
+    let others = request.other_half.as_deref().and_then(FramePattern::parse);
+    let frame = |number| {
+        let mut request = request.clone();
+        request.path = inputs.path(number);
+        if let Some(others) = &others {
+            request.other_half = Some(others.path(number));
+        }
+        Frame {
+            number,
+            request,
+            output: outputs.path(number),
+        }
+    };
+    Ok(Some(frames.into_iter().map(frame).collect()))
 }
 
 /// `####`: as many digits as there are hashes. The last run counts.
