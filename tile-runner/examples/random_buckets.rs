@@ -2,16 +2,17 @@
 //!
 //!     cargo run --release -p linpred --example random_buckets
 //!
-//! Rows are pushed as soon as all of their buckets are there; denoised rows come out of an iterator on another thread. At the end the
+//! Whenever a row is wanted whose buckets are not all there, more are rendered; denoised rows come out in between. At the end the
 //! bits are compared with those of the same image delivered from top to bottom.
 
 use std::error::Error;
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
+use linpred::steps::{Step, Steps};
 use linpred::{
-    Feature, ImageSize, InputRow, Options, OutputRow, Params, Quality, RowLayout, RowSink,
-    RowSource, VarianceKind, denoise, push,
+    Feature, ImageSize, InputRow, Options, OutputRow, Params, Quality, RowLayout, RowSource,
+    VarianceKind, denoise,
 };
 
 /// Pixels on the side of a bucket.
@@ -24,38 +25,41 @@ fn main() -> Result<(), Box<dyn Error>> {
     let layout = RowLayout::new(size, VarianceKind::OfMean).with_feature(Feature::Normal);
     let options = Options::new(Params::new(Quality::Fast)).with_threads(NonZeroUsize::MIN);
 
-    let (mut push, denoised) = push::start(layout, options)?;
-    let pulled = std::thread::spawn(move || denoised.collect::<Result<Vec<_>, _>>());
     let mut frame = Framebuffer::new(&layout);
-    for (count, bucket) in shuffled_buckets().into_iter().enumerate() {
-        frame.render(bucket);
-        let before = push.next_row();
-        while push.next_row() < frame.complete_rows() {
-            push.push_row(push.next_row(), &frame.rows[push.next_row()])?;
-        }
-        if push.next_row() > before {
-            println!(
-                "after bucket {}: rows {before} to {} pushed",
-                count + 1,
-                push.next_row() - 1
-            );
+    let mut buckets = shuffled_buckets().into_iter().enumerate();
+    let mut steps = Steps::start(layout, options)?;
+    let mut stepwise = Vec::new();
+    loop {
+        match steps.next()? {
+            Step::Wanted { y, row } => {
+                while frame.complete_rows() <= y {
+                    let (count, bucket) = buckets.next().ok_or("too few buckets")?;
+                    frame.render(bucket);
+                    if frame.complete_rows() > y {
+                        println!("after bucket {}: row {y} is there", count + 1);
+                    }
+                }
+                row.clone_from(&frame.rows[y]);
+            }
+            Step::Denoised { y, row } => stepwise.push((y, row.clone())),
+            Step::Done(_) => break,
         }
     }
-    let pulled = pulled.join().map_err(|_| "the pulling thread died")??;
 
     let mut in_order = Vec::new();
-    denoise(
-        &mut frame,
-        &mut Collect(&mut in_order),
-        &options,
-        &mut |_| ControlFlow::Continue(()),
-    )?;
+    let mut keep = |y: usize, row: &OutputRow| {
+        in_order.push((y, row.clone()));
+        Ok(())
+    };
+    denoise(&mut frame, &mut keep, &options, &mut |_| {
+        ControlFlow::Continue(())
+    })?;
     // no value is NaN here, so equal means equal bits but for the sign of zero
     assert!(
-        pulled == in_order,
+        stepwise == in_order,
         "the order of the buckets changed the image"
     );
-    println!("{} rows, the same as from top to bottom", pulled.len());
+    println!("{} rows, the same as from top to bottom", stepwise.len());
     Ok(())
 }
 
@@ -101,15 +105,6 @@ impl RowSource for Framebuffer {
 
     fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), linpred::Error> {
         row.clone_from(&self.rows[y]);
-        Ok(())
-    }
-}
-
-struct Collect<'a>(&'a mut Vec<(usize, OutputRow)>);
-
-impl RowSink for Collect<'_> {
-    fn write_row(&mut self, y: usize, row: &OutputRow) -> Result<(), linpred::Error> {
-        self.0.push((y, row.clone()));
         Ok(())
     }
 }

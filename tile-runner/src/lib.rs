@@ -2,10 +2,11 @@
 //!
 //! # A tour
 //!
-//! - **Buffers in memory.** [`denoise`] takes the rows of a [`RowSource`], from top to bottom, and gives denoised ones to a [`RowSink`]. The source's
+//! - **Buffers in memory.** [`image::Frame`] makes rows of a renderer's buffers, whatever their layout.
+//! - **Rows.** [`denoise`] takes the rows of a [`RowSource`], from top to bottom, and gives denoised ones to a [`RowSink`]. The source's
 //!   [`RowLayout`] says what an [`InputRow`] holds; [`Options`] say what to compute, a [`Report`] what was done. Memory grows with the width of the image,
 //!   not with its height.
-//! - **Rows as they become ready.** [`push`] turns that round: a renderer hands rows over, and an iterator gives denoised ones.
+//! - **Rows as they become ready.** [`steps`] turns that round: a loop of the caller's is told whenever a row is wanted, and whenever one is denoised.
 //! - **Slow ends.** [`overlap`] reads ahead of the pipeline and writes behind it.
 //! - **Files.** [`job`] does what the commands do: an EXR file is denoised into another, inspected, compared, put together of bands.
 //!   [`channels`] says which of its channels plays which role.
@@ -15,30 +16,23 @@
 //!
 //! # Example
 //!
-//! A row with noise, pushed 40 times:
-//!
 //! ```
-//! use linpred::{ImageSize, InputRow, Options, RowLayout, VarianceKind, push};
+//! use linpred::image::{Frame, Interleaved};
+//! use linpred::{Feature, ImageSize, Options, denoise};
 //!
-//! fn main() -> Result<(), Box<dyn std::error::Error>> {
-//!     let size = ImageSize::new(50, 40).ok_or("empty")?;
-//!     let layout = RowLayout::new(size, VarianceKind::OfMean);
-//!     let mut row = InputRow::new(&layout);
-//!     for channel in 0..3 {
-//!         for x in 0..50 {
-//!             row.colour[channel][x] = if x % 2 == 0 { 0.9 } else { 1.1 };
-//!             row.variance[channel][x] = 0.01;
-//!         }
-//!     }
-//!     let (mut push, denoised) = push::start(layout, Options::default())?;
-//!     let pulled = std::thread::spawn(move || denoised.collect::<Result<Vec<_>, _>>());
-//!     while push.next_row() < 40 {
-//!         push.push_row(push.next_row(), &row)?;
-//!     }
-//!     let rows = pulled.join().expect("no panic")?;
-//!     let (y, middle) = &rows[20];
-//!     assert_eq!(*y, 20);
-//!     assert!((middle.colour[0][25] - 1.0).abs() < 0.05);
+//! fn main() -> Result<(), linpred::Error> {
+//!     let size = ImageSize::new(64, 48).expect("not empty");
+//!     let (radiance, normal) = (vec![[0.5; 3]; 64 * 48], vec![[0.0, 0.0, 1.0]; 64 * 48]);
+//!     let mut frame = Frame::new(Interleaved::new(size, &radiance)?)?
+//!         .with_feature(Feature::Normal, Interleaved::new(size, &normal)?)?;
+//!     let mut clean = Vec::new();
+//!     let mut keep = |_y: usize, row: &linpred::OutputRow| {
+//!         let [red, green, blue] = &row.colour;
+//!         clean.extend((0..red.len()).map(|x| [red[x], green[x], blue[x]]));
+//!         Ok(())
+//!     };
+//!     denoise(&mut frame, &mut keep, &Options::default(), &mut |_rows| std::ops::ControlFlow::Continue(()))?;
+//!     assert_eq!(clean, radiance);
 //!     Ok(())
 //! }
 //! ```
@@ -65,7 +59,7 @@ pub use linpred_core::{FEATURE_NAMES, FEATURES, Feature, Formulas, Params, Quali
 pub use row::{InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
 pub use stream::pipeline::{Options, denoise};
 pub use stream::report::{Counts, Report};
-pub use stream::{overlap, push, survey};
+pub use stream::{overlap, steps, survey};
 
 /// The README's example.
 #[cfg(doctest)]

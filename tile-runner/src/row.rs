@@ -313,8 +313,14 @@ pub trait RowSource: Send {
     fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), crate::error::Error>;
 }
 
-/// Takes the rows of a denoised image. An error of its own is an [`Error::renderer`](crate::Error::renderer).
+/// Takes the rows of a denoised image; a function of a row's number and the row does. An error of its own is an [`Error::renderer`](crate::Error::renderer).
 pub trait RowSink: Send {
     /// Takes row `y`; called once for every row, from 0 to `height - 1`.
     fn write_row(&mut self, y: usize, row: &OutputRow) -> Result<(), crate::error::Error>;
+}
+
+impl<F: FnMut(usize, &OutputRow) -> Result<(), crate::error::Error> + Send> RowSink for F {
+    fn write_row(&mut self, y: usize, row: &OutputRow) -> Result<(), crate::error::Error> {
+        self(y, row)
+    }
 }

@@ -1,12 +1,14 @@
-//! An image in a file as rows in and rows out.
+//! An image in a file as rows in and rows out, and one in memory as rows in.
 
 pub(crate) mod area;
+pub(crate) mod frame;
 pub(crate) mod part_in_progress;
 pub(crate) mod rewrite;
 pub(crate) mod sink;
 pub(crate) mod source;
 
 pub use area::{Area, Placed, Unwrapped, Wrapped};
+pub use frame::{Frame, Interleaved, Pixels};
 pub use rewrite::{ERROR_CHANNEL, ExtraLayers, RADIUS_CHANNEL, RANK_CHANNEL};
 pub use sink::ExrSink;
 pub use source::ExrSource;

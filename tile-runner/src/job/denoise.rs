@@ -84,7 +84,7 @@ pub fn denoise(
     let params = options.pipeline.params;
     let reports = match &mut sources[..] {
         [one] => {
-            let mut sink = PictureSink(|y, row: &OutputRow| written(&mut sink, 0, y, row));
+            let mut sink = |y: usize, row: &OutputRow| written(&mut sink, 0, y, row);
             vec![one.run(&mut sink, params, schedule)?]
         }
         several => run_in_turns(several, params, schedule, &mut |picture, y, row| {
@@ -206,15 +206,6 @@ impl RowSink for Borrowed<'_> {
     }
 }
 
-/// A sink that is a function.
-struct PictureSink<F>(F);
-
-impl<F: FnMut(usize, &OutputRow) -> Result<(), Error> + Send> RowSink for PictureSink<F> {
-    fn write_row(&mut self, y: usize, row: &OutputRow) -> Result<(), Error> {
-        (self.0)(y, row)
-    }
-}
-
 /// Runs the pipelines of several pictures side by side, and writes a row of each in turns: some may lie in one part of the file, whose chunks are written
 /// once all of them are there.
 fn run_in_turns(
@@ -240,9 +231,9 @@ fn run_in_turns(
             let (sender, rows_out) = sync_channel::<OutputRow>(1);
             let compute = move || {
                 // whoever takes the rows tells what went wrong there
-                let mut sink = PictureSink(move |_, row: &OutputRow| {
+                let mut sink = move |_: usize, row: &OutputRow| {
                     sender.send(row.clone()).map_err(|_| Error::Cancelled)
-                });
+                };
                 rows.run(&mut sink, params, schedule)
             };
             let handle = std::thread::Builder::new().spawn_scoped(scope, compute);
