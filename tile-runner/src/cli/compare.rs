@@ -22,17 +22,11 @@ pub(crate) fn run(arguments: CompareArguments) -> Result<u8, Error> {
         .with_map(arguments.map)
         .with_memory_limit(limit)
         .with_threads(threads::to_use(arguments.threads));
-    let paths = Paths {
+    let pictures = Pictures {
         heatmap: arguments.heatmap,
         picture: arguments.picture,
     };
-    paths.check(&request)?;
-    let mut images = Comparing::open(&request)?;
-    let (size, has_input) = (images.size(), request.input.is_some());
-    images.reserve("pictures", paths.bytes(size, has_input));
-    images.plan().check(limit)?;
-    let drawn = paths.create(size, has_input)?;
-    let comparison = measure(&mut images, drawn, &stop::on_signals())?;
+    let comparison = compare(&request, &pictures, &stop::on_signals())?;
     let text = match arguments.json {
         true => format!("{}\n", serde_json::json!(comparison)),
         false => in_words(&comparison),
@@ -41,13 +35,33 @@ pub(crate) fn run(arguments: CompareArguments) -> Result<u8, Error> {
     Ok(DONE)
 }
 
-/// Which pictures are asked for.
-struct Paths {
-    heatmap: Option<PathBuf>,
-    picture: Option<PathBuf>,
+/// Compares images as the command does, and draws the pictures that are asked for.
+///
+/// The errors of [`Comparing`], and [`Error::Write`] if a picture cannot be written.
+pub fn compare(
+    request: &CompareRequest,
+    pictures: &Pictures,
+    stop: &AtomicBool,
+) -> Result<Comparison, Error> {
+    pictures.check(request)?;
+    let mut images = Comparing::open(request)?;
+    let (size, has_input) = (images.size(), request.input.is_some());
+    images.reserve("pictures", pictures.bytes(size, has_input));
+    images.plan().check(request.memory_limit)?;
+    let drawn = pictures.create(size, has_input)?;
+    measure(&mut images, drawn, stop)
 }
 
-impl Paths {
+/// Where pictures of a comparison go, PNG files.
+#[derive(Clone, Debug, Default)]
+pub struct Pictures {
+    /// One of the relative error.
+    pub heatmap: Option<PathBuf>,
+    /// One to look at: the images side by side, and the worst places.
+    pub picture: Option<PathBuf>,
+}
+
+impl Pictures {
     fn check(&self, request: &CompareRequest) -> Result<(), Error> {
         let mut read: Vec<&Path> = vec![&request.image, &request.reference];
         read.extend(request.input.as_deref());

@@ -20,11 +20,11 @@ use super::args::{
 use super::errors::DONE;
 use super::progress::Progress;
 use super::report::report;
-use super::{errors, output_name, stdout, stop, threads};
+use super::{errors, stdout, stop, threads};
 
 /// Denoises one image, or the frames of a sequence.
 pub(crate) fn run(arguments: DenoiseArguments, log: &LogArguments) -> Result<u8, Error> {
-    output_name::check(&arguments.output)?;
+    job::check_output_name(&arguments.output)?;
     let run = Run {
         options: options(&arguments),
         skip_existing: arguments.skip_existing,

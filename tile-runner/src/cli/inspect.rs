@@ -1,5 +1,6 @@
 //! `linpred inspect`.
 
+use std::ops::ControlFlow;
 use std::time::Instant;
 
 use crate::Error;
@@ -36,7 +37,10 @@ fn survey(input: &Input, arguments: &SurveyArguments) -> Result<Option<Survey>, 
     let style = arguments.progress.unwrap_or(ProgressStyle::Auto);
     let started = Instant::now();
     let mut progress = Progress::new(style, input.height(), input.path(), None, started);
-    let found = crate::job::survey(input, threads, limit, &mut |rows| progress.set(rows));
+    let found = crate::job::survey(input, threads, limit, &mut |rows| {
+        progress.set(rows);
+        ControlFlow::Continue(())
+    });
     progress.end();
     found.map(Some)
 }

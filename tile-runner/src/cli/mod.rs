@@ -5,6 +5,8 @@ use std::ffi::OsString;
 use clap::Parser;
 
 use args::{Arguments, Command};
+pub use compare::{Pictures, compare};
+pub use size::parse_size;
 
 mod args;
 mod compare;
@@ -14,7 +16,6 @@ mod heatmap;
 mod inspect;
 mod log;
 mod number;
-mod output_name;
 mod picture;
 mod png_rows;
 mod progress;

@@ -3,7 +3,7 @@
 use crate::Error;
 
 /// Parses a size: a number of bytes, or one with K, M, G or T after it (powers of 1024). [`Error::Usage`] otherwise.
-pub(crate) fn parse_size(text: &str) -> Result<u64, Error> {
+pub fn parse_size(text: &str) -> Result<u64, Error> {
     let usage = || Error::Usage(format!("{text:?} is not a size; write 256M or 2G"));
     let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
     let power = match text[digits.len()..]

@@ -3,15 +3,15 @@
 use std::path::Path;
 
 use crate::Error;
-use crate::job::stitch;
+use crate::job::{check_output_name, stitch};
 
 use super::args::StitchArguments;
 use super::errors::DONE;
-use super::{output_name, stop};
+use super::stop;
 
 /// Puts the bands of an image together.
 pub(crate) fn run(arguments: StitchArguments) -> Result<u8, Error> {
-    output_name::check(&arguments.output)?;
+    check_output_name(&arguments.output)?;
     let bands: Vec<&Path> = arguments.bands.iter().map(AsRef::as_ref).collect();
     stitch(&bands, &arguments.output, &stop::on_signals())?;
     tracing::info!(

@@ -125,21 +125,18 @@ pub fn inspect_with(
 }
 
 /// Surveys an input within `limit` bytes of memory, on fewer than `threads` threads where that takes less. `progress` is told how many rows are
-/// done. [`Error::OverLimit`] or [`Error::Budget`] if the memory does not suffice.
+/// done; when it breaks, the survey ends with [`Error::Cancelled`]. [`Error::OverLimit`] or [`Error::Budget`] if the memory does not suffice.
 pub fn survey(
     input: &Input,
     threads: NonZeroUsize,
     limit: u64,
-    progress: &mut dyn FnMut(usize),
+    progress: &mut dyn FnMut(usize) -> ControlFlow<()>,
 ) -> Result<Survey, Error> {
     let (threads, plan) = plan::survey_plan(input, threads, limit);
     plan.check(limit)?;
     memory::check_available(&plan, threads.get())?;
     let mut source = input.source(limit)?;
-    survey::survey(&mut source, threads, &mut |rows| {
-        progress(rows);
-        ControlFlow::Continue(())
-    })
+    survey::survey(&mut source, threads, progress)
 }
 
 /// Why pictures whose roles are known cannot be denoised, if they cannot.

@@ -147,6 +147,14 @@ impl Steps {
         })
     }
 
+    /// The row that is wanted now, for callers that do not fill it where they were told.
+    pub fn wanted(&mut self) -> Option<&mut InputRow> {
+        match &mut self.at {
+            At::Wanted(_, row) => Some(row),
+            _ => None,
+        }
+    }
+
     /// Hands back what was lent, and waits for what comes.
     fn advance(&mut self, before: At) -> Result<At, Error> {
         if let Some(ends) = &self.ends {

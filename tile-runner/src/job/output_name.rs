@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::Error;
+use crate::error::Error;
 
 /// Extensions of other formats for images.
 const OTHER_FORMATS: [&str; 36] = [
@@ -12,13 +12,13 @@ const OTHER_FORMATS: [&str; 36] = [
 ];
 
 /// Refuses the name of another format: programs would take the file for what it is not. [`Error::Usage`] then.
-pub(crate) fn check(output: &Path) -> Result<(), Error> {
+pub fn check_output_name(output: &Path) -> Result<(), Error> {
     let extension = output.extension().and_then(|extension| extension.to_str());
     let extension = extension.map(str::to_ascii_lowercase);
     match extension {
         Some(extension) if OTHER_FORMATS.contains(&extension.as_str()) => {
             Err(Error::Usage(format!(
-                "the output is an OpenEXR file and cannot be called {}: write -o {}",
+                "the output is an OpenEXR file and cannot be called {}; call it {}",
                 output.display(),
                 output.with_extension("exr").display()
             )))
@@ -34,7 +34,7 @@ mod tests {
     #[test]
     fn names_of_other_formats_are_refused_and_no_others() {
         for name in ["a.png", "b/a.PNG", "a.####.tif", "a.exr.jpg"] {
-            assert!(check(Path::new(name)).is_err(), "{name}");
+            assert!(check_output_name(Path::new(name)).is_err(), "{name}");
         }
         for name in [
             "a.exr",
@@ -46,7 +46,7 @@ mod tests {
             "a.0001",
             "a.beauty",
         ] {
-            assert!(check(Path::new(name)).is_ok(), "{name}");
+            assert!(check_output_name(Path::new(name)).is_ok(), "{name}");
         }
     }
 }

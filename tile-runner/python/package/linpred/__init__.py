@@ -1,0 +1,50 @@
+"""linpred denoises Monte Carlo renders on the CPU, by linear predictions from normal, albedo and depth.
+
+Arrays in memory::
+
+    clean = linpred.denoise(colour, variance=variance, albedo=albedo, normal=normal, depth=depth)
+    clean.colour, clean.error
+
+Files, as the command ``linpred`` (also ``python -m linpred``) denoises them::
+
+    linpred.denoise_file("noisy.exr", "clean.exr", quality="high")
+
+Frames larger than memory, row by row: :func:`denoise_rows`. What is in a file, and how far it is from a reference: :func:`inspect`,
+:func:`compare`.
+
+The same input and options give the same bits, whatever the threads, in memory, row by row, and from a file.
+"""
+
+from __future__ import annotations
+
+from linpred._errors import InputError, InputWarning, SequenceError
+from linpred._files import (
+    FileReport,
+    Plan,
+    compare,
+    denoise_file,
+    inspect,
+    plan,
+    stitch,
+)
+from linpred._frames import Denoised, Report, Rows, denoise, denoise_rows
+from linpred._linpred import VERSION as __version__
+
+__all__ = [
+    "Denoised",
+    "FileReport",
+    "InputError",
+    "InputWarning",
+    "Plan",
+    "Report",
+    "Rows",
+    "SequenceError",
+    "__version__",
+    "compare",
+    "denoise",
+    "denoise_file",
+    "denoise_rows",
+    "inspect",
+    "plan",
+    "stitch",
+]

@@ -1,0 +1,333 @@
+"""Frames in memory, and frames of which only some rows are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Iterable, Iterator, Mapping, Tuple, Union
+
+import numpy as np
+
+from linpred import _linpred
+from linpred._progress import Progress, as_function
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    Feature = Union[ArrayLike, Tuple[ArrayLike, ArrayLike]]
+    Plane = Tuple[str, str, NDArray[Any]]
+
+FEATURES = {"normal": 3, "albedo": 3, "depth": 1}
+"""The features that there are, and their channels."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a run did, and what it could leave."""
+
+    pixels: int
+    """Pixels of the image."""
+    passed_through: int
+    """Pixels without noise, which came out as they were."""
+    repaired: int
+    """Pixels that were not finite, predicted from their neighbours."""
+    fireflies: int
+    """Pixels far brighter than all around by no more than a sample, predicted likewise."""
+    estimated: int
+    """Pixels of an image with variances that had none: theirs was estimated from the picture."""
+    cells: int
+    """Cells of 19 x 19 pixels."""
+    cells_skipped: int
+    """Of those, the ones without noise."""
+    feature_blocks: int
+    """Blocks of features: a normal, an albedo or a depth each."""
+    feature_blocks_skipped: int
+    """Of those, the ones with no noise in reach."""
+    models: int
+    """Models that were built."""
+    fitting_seconds: float
+    """Time that threads spent on cells, added up over the threads."""
+
+
+@dataclass(frozen=True)
+class Denoised:
+    """A denoised frame, or a row of one. All arrays are float32."""
+
+    colour: NDArray[np.float32]
+    """Radiance, (height, width, 3); of a row (width, 3). Always finite."""
+    error: NDArray[np.float32]
+    """Estimated mean squared error of each pixel, mean over the channels, radiance squared, (height, width). Its square root is a standard error."""
+    radius: NDArray[np.float32]
+    """Half-width of the windows that predicted each pixel, weighted mean, 0 to 9 pixels, (height, width)."""
+    rank: NDArray[np.float32]
+    """Rank of the models behind each pixel, weighted mean, (height, width)."""
+    alpha: NDArray[np.float32] | None = None
+    """Alpha, 0 to 1, (height, width); None if none was given."""
+    layers: dict[str, NDArray[np.float32]] = field(default_factory=dict)
+    """The layers that were given, (height, width, 3) each. If they summed up to the colour, they still do."""
+    scalars: dict[str, NDArray[np.float32]] = field(default_factory=dict)
+    """The scalars that were given, (height, width) each."""
+    report: Report | None = None
+    """What the run did; None for a row."""
+
+
+def denoise(
+    colour: ArrayLike,
+    *,
+    variance: ArrayLike | None = None,
+    halves: tuple[ArrayLike, ArrayLike] | None = None,
+    albedo: ArrayLike | None = None,
+    normal: ArrayLike | None = None,
+    depth: ArrayLike | None = None,
+    albedo_variance: ArrayLike | None = None,
+    normal_variance: ArrayLike | None = None,
+    depth_variance: ArrayLike | None = None,
+    features: Mapping[str, Feature] | None = None,
+    alpha: ArrayLike | None = None,
+    layers: Mapping[str, ArrayLike] | None = None,
+    scalars: Mapping[str, ArrayLike] | None = None,
+    quality: str = "balanced",
+    coverage: int | None = None,
+    formulas: str = "robust",
+    threads: int | None = None,
+    progress: Progress = None,
+) -> Denoised:
+    """Denoises a frame in memory.
+
+    Arrays are float16, float32 or float64, of any strides and byte order. They are read where they lie, a row at a time; only what is not
+    aligned, or of foreign byte order, is copied before. Do not write to them during the call: other threads run meanwhile.
+
+    Args:
+        colour: Linear radiance, (height, width, 3). Pixels with a NaN, an infinity or more than 1e15 are repaired, and counted.
+        variance: Variance of the pixels' means (of one sample, divided by the number of samples), (height, width, 3), radiance squared. 0 says
+            that a pixel is exact: it comes out as it is. Where it is negative, NaN or infinite it is estimated from the picture; without it,
+            everywhere.
+        halves: The means of either half of each pixel's samples, two arrays like ``colour``, which is their mean. In place of ``variance``.
+        albedo: Diffuse albedo, (height, width, 3).
+        normal: Normals of the surfaces, (height, width, 3), in any space.
+        depth: Distance from the camera, (height, width) or (height, width, 1); infinite, 0 or 1e10 where there is nothing.
+        albedo_variance: Variance of the means of ``albedo``, of its shape; estimated if it is not given. ``normal_variance`` and ``depth_variance`` likewise.
+        features: Other features by name, each an array or a pair (array, variance). This version knows ``albedo``, ``normal`` and ``depth``, here or by
+            their own arguments.
+        alpha: Alpha, 0 to 1, (height, width); ``colour`` is premultiplied.
+        layers: More layers of light by name, (height, width, 3) each, denoised with the models of ``colour``, so that they still sum up.
+        scalars: Channels that are no light (depths, masks, motion) by name, (height, width) each, denoised likewise.
+        quality: ``"fast"``, ``"balanced"`` or ``"high"``.
+        coverage: The number behind ``quality``: how many good models must predict a pixel before no new one is built for it, 1 to 1024.
+        formulas: ``"robust"``, or ``"literal"`` for the papers' formulas to the letter.
+        threads: Threads that compute, at most one on each processor, which is the default. The result does not depend on it.
+        progress: A function of (rows done, rows of the frame), called on this thread, or a ``tqdm`` bar. What it raises ends the run.
+
+    Raises:
+        ValueError: An array has the wrong shape or there are no pixels; an option is out of range.
+        TypeError: An array does not hold floats.
+        MemoryError: There is no memory for the output.
+        KeyboardInterrupt: Ctrl-C was pressed; the run has ended.
+
+    The interpreter's lock is released meanwhile. Memory: that of the output, 6 floats per pixel and 3 per layer, beside some 60 rows.
+
+    >>> import numpy as np
+    >>> noisy = np.random.default_rng(1).uniform(0.0, 1.0, (48, 64, 3))
+    >>> clean = denoise(noisy, variance=np.full(noisy.shape, 1 / 12))
+    >>> clean.colour.shape, clean.report.pixels
+    ((48, 64, 3), 3072)
+    >>> bool(clean.colour.std() < 0.1 * noisy.std())
+    True
+    """
+    given = _given(
+        colour,
+        dict(variance=variance, halves=halves, alpha=alpha, features=features, layers=layers, scalars=scalars),
+        dict(albedo=albedo, normal=normal, depth=depth),
+        dict(albedo=albedo_variance, normal=normal_variance, depth=depth_variance),
+    )
+    planes = _planes(given, 2)
+    computing = _computing(quality, coverage, formulas, threads)
+    arrays, report = _linpred.denoise(planes, computing, as_function(progress))
+    return _denoised(arrays, planes, Report(**report))
+
+
+def denoise_rows(
+    rows: Iterable[Mapping[str, Any]],
+    height: int,
+    *,
+    quality: str = "balanced",
+    coverage: int | None = None,
+    formulas: str = "robust",
+    threads: int | None = None,
+) -> Rows:
+    """Denoises a frame row by row, for frames larger than memory or still being rendered.
+
+    Args:
+        rows: Gives the rows from top to bottom, as mappings from the names of :func:`denoise`'s arrays to arrays without the first dimension:
+            ``{"colour": (width, 3), "depth": (width,), "layers": {"diffuse": (width, 3)}}``. Or several rows at a time, with the first dimension:
+            ``{"colour": (n, width, 3), ...}``. All have the arrays of the first. It is asked on the thread that iterates, no sooner than a row is wanted.
+        height: Rows of the frame.
+        quality, coverage, formulas, threads: As for :func:`denoise`.
+
+    Returns:
+        An iterator over the denoised rows, from top to bottom, some 60 rows behind; its ``report`` is what the run did, once it has ended. The bits are those of
+        :func:`denoise`. Memory grows with the width of the frame alone.
+
+    >>> import numpy as np
+    >>> def render():
+    ...     for y in range(40):
+    ...         yield {"colour": np.random.default_rng(y).uniform(0.0, 1.0, (64, 3))}
+    >>> rows = denoise_rows(render(), height=40)
+    >>> np.stack([row.colour for row in rows]).shape
+    (40, 64, 3)
+    >>> rows.report.pixels
+    2560
+    """
+    return Rows(rows, height, _computing(quality, coverage, formulas, threads))
+
+
+class Rows(Iterator[Denoised]):
+    """Denoised rows from top to bottom; see :func:`denoise_rows`."""
+
+    def __init__(self, rows: Iterable[Mapping[str, Any]], height: int, computing: dict[str, Any]) -> None:
+        self._names: list[tuple[str, str]] = []
+        if height < 1:
+            raise ValueError(f"height {height}: there are no rows")
+        self._rows = _linpred.Rows(self._single_rows(rows), height, computing)
+
+    def _single_rows(self, rows: Iterable[Mapping[str, Any]]) -> Iterator[list[Plane]]:
+        for given in rows:
+            several = np.ndim(given.get("colour", 0)) > 2
+            planes = _planes(_row_given(given), 2 if several else 1)
+            self._names = [(role, name) for role, name, _ in planes]
+            for y in range(planes[0][2].shape[0]):
+                yield [(role, name, array[y : y + 1]) for role, name, array in planes]
+
+    def __next__(self) -> Denoised:
+        _, arrays = next(self._rows)
+        row = _denoised(arrays, [(role, name, None) for role, name in self._names], None)
+        return Denoised(
+            row.colour[0],
+            row.error[0],
+            row.radius[0],
+            row.rank[0],
+            None if row.alpha is None else row.alpha[0],
+            {name: layer[0] for name, layer in row.layers.items()},
+            {name: scalar[0] for name, scalar in row.scalars.items()},
+        )
+
+    @property
+    def report(self) -> Report | None:
+        """What the run did; None before its end."""
+        report = self._rows.report()
+        return None if report is None else Report(**report)
+
+
+ROW_ARRAYS = {"colour", "variance", "halves", "alpha", "features", "layers", "scalars", *FEATURES, *(f"{name}_variance" for name in FEATURES)}
+
+
+def _row_given(given: Mapping[str, Any]) -> dict[str, Any]:
+    unknown = set(given) - ROW_ARRAYS
+    if unknown:
+        raise ValueError(f"row: {', '.join(sorted(map(repr, unknown)))} is none of {', '.join(sorted(ROW_ARRAYS))}")
+    if "colour" not in given:
+        raise ValueError("row: there is no colour")
+    others = {name: given.get(name) for name in ("variance", "halves", "alpha", "features", "layers", "scalars")}
+    features = {name: given.get(name) for name in FEATURES}
+    variances = {name: given.get(f"{name}_variance") for name in FEATURES}
+    return _given(given["colour"], others, features, variances)
+
+
+def _computing(quality: str, coverage: int | None, formulas: str, threads: int | None) -> dict[str, Any]:
+    return dict(quality=quality, formulas=formulas, coverage=coverage, threads=threads)
+
+
+def _given(
+    colour: ArrayLike, others: dict[str, Any], features: dict[str, Any], variances: dict[str, Any]
+) -> dict[str, Any]:
+    """Features from both places in one, so that each is there once."""
+    if others["variance"] is not None and others["halves"] is not None:
+        raise ValueError("variance and halves both say what the noise is: give one of them")
+    for name, feature in (others.pop("features") or {}).items():
+        if name not in FEATURES:
+            raise ValueError(f"features: {name!r} is none that this version knows: {', '.join(FEATURES)}")
+        if features[name] is not None:
+            raise ValueError(f"{name} is given twice: as an argument and in features")
+        if isinstance(feature, tuple):
+            if len(feature) != 2:
+                raise ValueError(f"features: {name!r} is a tuple of {len(feature)}: it is (array, variance), or an array")
+            feature, variances[name] = feature
+        features[name] = feature
+    for name, variance in variances.items():
+        if variance is not None and features[name] is None:
+            raise ValueError(f"{name}_variance is given without {name}")
+    return dict(colour=colour, **others, feature=features, feature_variance=variances)
+
+
+def _planes(given: dict[str, Any], dimensions: int) -> list[Plane]:
+    """The arrays that are there, as (role, name, array), each with rows, columns and channels."""
+    colour = _array("colour", given["colour"], 3, dimensions, None)
+    size = colour.shape[:2]
+
+    def plane(name: str, value: ArrayLike, channels: int) -> NDArray[Any]:
+        return _array(name, value, channels, dimensions, size)
+
+    planes: list[Plane] = [("colour", "", colour)]
+    if given["variance"] is not None:
+        planes.append(("variance", "", plane("variance", given["variance"], 3)))
+    if given["halves"] is not None:
+        if len(given["halves"]) != 2:
+            raise ValueError(f"halves: {len(given['halves'])} arrays, not 2")
+        for role, half in zip(("half_a", "half_b"), given["halves"]):
+            planes.append((role, "", plane("halves", half, 3)))
+    for name, channels in FEATURES.items():
+        if given["feature"][name] is not None:
+            planes.append((name, "", plane(name, given["feature"][name], channels)))
+        if given["feature_variance"][name] is not None:
+            role = f"{name}_variance"
+            planes.append((role, "", plane(role, given["feature_variance"][name], channels)))
+    if given["alpha"] is not None:
+        planes.append(("alpha", "", plane("alpha", given["alpha"], 1)))
+    for name, layer in (given["layers"] or {}).items():
+        planes.append(("layer", name, plane(f"layers[{name!r}]", layer, 3)))
+    for name, scalar in (given["scalars"] or {}).items():
+        planes.append(("scalar", name, plane(f"scalars[{name!r}]", scalar, 1)))
+    return planes
+
+
+def _array(
+    name: str, value: ArrayLike, channels: int, dimensions: int, size: tuple[int, ...] | None
+) -> NDArray[Any]:
+    """The value as an array of (rows, columns, channels) that can be read where it lies; ``dimensions`` of rows and columns are given."""
+    array = np.asarray(value)
+    if array.dtype.kind != "f" or array.dtype.itemsize > 8:
+        raise TypeError(f"{name}: dtype {array.dtype}, but it is float16, float32 or float64: linear, not 8 bit")
+    sides = ("height", "width")[-dimensions:]
+    shape = array.shape
+    if channels == 1 and array.ndim == dimensions:
+        array = array[..., np.newaxis]
+    if array.ndim != dimensions + 1 or array.shape[-1] != channels:
+        wanted = ", ".join((*sides, str(channels)) if channels > 1 else sides)
+        hint = "; alpha has an argument of its own" if name == "colour" and shape[-1:] == (4,) else ""
+        raise ValueError(f"{name}: shape {shape}, but it is ({wanted}){hint}")
+    if dimensions == 1:
+        array = array[np.newaxis]
+    if 0 in array.shape:
+        raise ValueError(f"{name}: shape {shape} holds no pixel")
+    if size is not None and array.shape[:2] != size:
+        raise ValueError(f"{name}: shape {shape}, but the colour has {' x '.join(map(str, size[-dimensions:]))} pixels ({' x '.join(sides)})")
+    array = np.require(array, array.dtype.newbyteorder("="), ["ALIGNED"])
+    if any(stride % array.itemsize for stride in array.strides):
+        # a field of a structured array: its pixels lie between others' bytes
+        array = np.ascontiguousarray(array)
+    return array
+
+
+def _denoised(arrays: dict[str, Any], planes: Iterable[tuple[str, str, Any]], report: Report | None) -> Denoised:
+    names: dict[str, list[str]] = {"layer": [], "scalar": []}
+    for role, name, _ in planes:
+        names.setdefault(role, []).append(name)
+    return Denoised(
+        colour=arrays["colour"],
+        error=arrays["error"],
+        radius=arrays["radius"],
+        rank=arrays["rank"],
+        alpha=arrays["alpha"],
+        layers=dict(zip(names["layer"], arrays["layers"])),
+        scalars=dict(zip(names["scalar"], arrays["scalars"])),
+        report=report,
+    )

@@ -1,0 +1,63 @@
+//! Errors as exceptions: who can mend it decides which.
+
+use std::error::Error as _;
+
+use linpred::{Error, Remedy};
+use pyo3::exceptions::{
+    PyKeyboardInterrupt, PyMemoryError, PyOSError, PyRuntimeError, PyValueError,
+};
+use pyo3::{PyErr, create_exception};
+
+create_exception!(
+    linpred,
+    InputError,
+    PyValueError,
+    "A file cannot be denoised as asked for: it is damaged, of a kind that is not handled, or lacks something."
+);
+
+/// An error with its causes, in the words of this package's arguments.
+pub(crate) fn in_words(error: &Error) -> String {
+    let mut words = match error {
+        Error::Incomplete { remedy, .. } => format!("{error}{}", advice(*remedy)),
+        Error::OverLimit { .. } => error.to_string().replacen("the limit", "max_memory", 1),
+        _ => error.to_string(),
+    };
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        words += &format!(": {error}");
+        cause = error.source();
+    }
+    words
+}
+
+fn advice(remedy: Remedy) -> &'static str {
+    match remedy {
+        Remedy::Colour => "; give map={'colour': LAYER}",
+        Remedy::SamplesOrNoVariance => {
+            "; give spp=N, or map={'variance': 'none'} to estimate the variance from the picture"
+        }
+        Remedy::NoVariance => {
+            ", or give map={'variance': 'none'} to estimate the variance from the picture"
+        }
+        _ => "",
+    }
+}
+
+/// The exception that an error is.
+pub(crate) fn raise(error: Error) -> PyErr {
+    let words = in_words(&error);
+    match error {
+        Error::Usage(_) | Error::Setting { .. } => PyValueError::new_err(words),
+        Error::Unsupported(_) | Error::Invalid(_) | Error::Incomplete { .. } => {
+            InputError::new_err(words)
+        }
+        Error::Read { source, .. } | Error::Write { source, .. } => match source.raw_os_error() {
+            // Python picks FileNotFoundError and the like by the number
+            Some(number) => PyOSError::new_err((number, words)),
+            None => PyOSError::new_err(words),
+        },
+        Error::Budget(_) | Error::OverLimit { .. } => PyMemoryError::new_err(words),
+        Error::Cancelled => PyKeyboardInterrupt::new_err(words),
+        _ => PyRuntimeError::new_err(words),
+    }
+}

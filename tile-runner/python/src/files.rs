@@ -1,0 +1,259 @@
+//! What the commands do to files.
+
+use std::ffi::OsString;
+use std::num::NonZeroU32;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+
+use linpred::channels::{Mapping, PRESET_NAMES, Preset, RoleRequest};
+use linpred::cli;
+use linpred::image::ExtraLayers;
+use linpred::job::{self, Band, CompareRequest, Input, InputRequest, JobOptions, Wrap};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+use crate::errors::{in_words, raise};
+use crate::options::{Computing, threads};
+use crate::report;
+use crate::watch::watched;
+
+/// Which channels of which files.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Reading {
+    path: PathBuf,
+    preset: String,
+    /// `ROLE=CHANNEL`
+    map: Vec<String>,
+    spp: Option<i64>,
+    other_half: Option<PathBuf>,
+    layers: Vec<String>,
+    wrap: String,
+    /// Bytes, or a size as the command line takes it.
+    max_memory: Option<String>,
+}
+
+impl Reading {
+    fn request(self) -> PyResult<InputRequest> {
+        let refused = |words: String| PyValueError::new_err(words);
+        let preset = Preset::named(&self.preset);
+        if preset.is_none() && self.preset != "auto" {
+            return Err(refused(format!(
+                "preset {:?}: it is one of {}",
+                self.preset,
+                PRESET_NAMES.join(", ")
+            )));
+        }
+        let spp = |spp: i64| {
+            let spp = u32::try_from(spp).ok().and_then(NonZeroU32::new);
+            spp.map(NonZeroU32::get)
+        };
+        let spp = match self.spp {
+            None => None,
+            Some(given) => Some(
+                spp(given)
+                    .ok_or_else(|| refused(format!("spp {given}: it is 1 or more samples")))?,
+            ),
+        };
+        let map: Result<Vec<Mapping>, _> =
+            self.map.iter().map(|entry| Mapping::parse(entry)).collect();
+        let roles = RoleRequest {
+            preset,
+            map: map.map_err(raise)?,
+            spp,
+            other_half: None,
+        };
+        let wrap = match self.wrap.as_str() {
+            "auto" => Wrap::Auto,
+            "x" => Wrap::X,
+            "none" => Wrap::Never,
+            other => return Err(refused(format!("wrap {other:?}: it is auto, x or none"))),
+        };
+        let limit = self.max_memory.as_deref().map(cli::parse_size).transpose();
+        Ok(InputRequest::new(self.path)
+            .with_other_half(self.other_half)
+            .with_roles(roles)
+            .with_layers(self.layers)
+            .with_wrap(wrap)
+            .with_memory_limit(limit.map_err(raise)?))
+    }
+}
+
+/// How to write.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Writing {
+    output: PathBuf,
+    error_layer: bool,
+    models_layer: bool,
+    band: Option<String>,
+}
+
+impl Writing {
+    fn options(&self, computing: &Computing, limit: Option<u64>) -> PyResult<JobOptions> {
+        let options = JobOptions::new(computing.options()?).with_extra(ExtraLayers {
+            error: self.error_layer,
+            models: self.models_layer,
+        });
+        let limit = limit.unwrap_or(options.memory_limit);
+        let options = options.with_memory_limit(limit);
+        match &self.band {
+            None => Ok(options),
+            Some(band) => Ok(options.with_band(Band::parse(band).map_err(raise)?)),
+        }
+    }
+}
+
+/// The frames of a sequence, (number, input, other half, output) each; `None` if the names are those of single images.
+#[pyfunction]
+#[expect(clippy::type_complexity, reason = "a tuple is what Python reads")]
+pub(crate) fn frames(
+    reading: Reading,
+    output: PathBuf,
+    wanted: Option<Bound<'_, PyAny>>,
+) -> PyResult<Option<Vec<(u32, PathBuf, Option<PathBuf>, PathBuf)>>> {
+    let wanted = match wanted {
+        None => None,
+        Some(wanted) => Some(match wanted.extract::<String>() {
+            Ok(text) => job::parse_frames(&text).map_err(raise)?,
+            Err(_) => wanted.extract::<Vec<u32>>()?,
+        }),
+    };
+    let frames = job::frames(&reading.request()?, &output, wanted).map_err(raise)?;
+    let tuple = |frame: job::Frame| {
+        let request = frame.request;
+        (frame.number, request.path, request.other_half, frame.output)
+    };
+    Ok(frames.map(|frames| frames.into_iter().map(tuple).collect()))
+}
+
+/// Denoises a file into another: the fields of the package's `FileReport`.
+#[pyfunction]
+pub(crate) fn denoise_file<'py>(
+    py: Python<'py>,
+    reading: Reading,
+    writing: Writing,
+    computing: Computing,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let request = reading.request()?;
+    job::check_output_name(&writing.output).map_err(raise)?;
+    let options = writing.options(&computing, request.memory_limit)?;
+    let pictures = py.detach(|| Input::open_all(&request)).map_err(raise)?;
+    let height = pictures.iter().map(Input::height).max().unwrap_or(0);
+    let (mut notes, mut warnings) = (Vec::new(), Vec::new());
+    for picture in &pictures {
+        let label = match picture.roles.label() {
+            label if label.is_empty() => label,
+            label => format!("{label}: "),
+        };
+        let labelled = |notes: &[String]| -> Vec<String> {
+            notes.iter().map(|note| format!("{label}{note}")).collect()
+        };
+        notes.extend(labelled(&picture.roles.notes));
+        warnings.extend(labelled(&picture.roles.warnings));
+    }
+    warnings.extend(job::notes_on_output(&pictures, options.extra).map_err(raise)?);
+    let output = &writing.output;
+    let done = watched(py, height, progress.as_ref(), |stop, tell| {
+        job::denoise(&pictures, output, &options, stop, tell)
+    })?;
+    let fields = PyDict::new(py);
+    let reports: PyResult<Vec<_>> = done.reports.iter().map(|r| report::fields(py, r)).collect();
+    fields.set_item("pictures", PyList::new(py, reports?)?)?;
+    fields.set_item("notes", notes)?;
+    fields.set_item("warnings", warnings)?;
+    fields.set_item("clamped", done.clamped)?;
+    fields.set_item("layers_off", done.layers_off.iter().sum::<u64>())?;
+    Ok(fields)
+}
+
+/// How a file would be denoised: threads, bytes of memory, and both in words; refused as the run would be if that is too much.
+#[pyfunction]
+pub(crate) fn plan(
+    py: Python<'_>,
+    reading: Reading,
+    writing: Writing,
+    computing: Computing,
+) -> PyResult<(usize, u64, String)> {
+    let request = reading.request()?;
+    let options = writing.options(&computing, request.memory_limit)?;
+    let pictures = py.detach(|| Input::open_all(&request)).map_err(raise)?;
+    let (schedule, plan) = job::plan(&pictures, &options).map_err(raise)?;
+    plan.check(options.memory_limit).map_err(raise)?;
+    Ok((schedule.threads.get(), plan.total(), plan.to_string()))
+}
+
+/// What a file holds, as JSON; and what stands in the way of denoising it.
+#[pyfunction]
+pub(crate) fn inspect(
+    py: Python<'_>,
+    reading: Reading,
+    pixels: bool,
+    asked: Option<i64>,
+) -> PyResult<String> {
+    let request = reading.request()?;
+    let (threads, limit) = (
+        threads(asked)?,
+        request.memory_limit.unwrap_or(job::DEFAULT_MEMORY_LIMIT),
+    );
+    let found = watched(py, 0, None, |stop, _| {
+        let mut go_on = |_| match stop.load(Ordering::Relaxed) {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        };
+        job::inspect_with(&request, |input| match pixels {
+            true => job::survey(input, threads, limit, &mut go_on).map(Some),
+            false => Ok(None),
+        })
+    });
+    let (mut inspection, problem) = found?;
+    inspection.problem = problem.as_ref().map(in_words);
+    Ok(serde_json::json!(inspection).to_string())
+}
+
+/// Compares an image with a reference, as JSON.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "the package's own are named")]
+pub(crate) fn compare(
+    py: Python<'_>,
+    image: PathBuf,
+    reference: PathBuf,
+    input: Option<PathBuf>,
+    map: Vec<String>,
+    heatmap: Option<PathBuf>,
+    picture: Option<PathBuf>,
+    asked: Option<i64>,
+    max_memory: Option<String>,
+) -> PyResult<String> {
+    let map: Result<Vec<Mapping>, _> = map.iter().map(|entry| Mapping::parse(entry)).collect();
+    let limit = max_memory.as_deref().map(cli::parse_size).transpose();
+    let request = CompareRequest::new(image, reference)
+        .with_input(input)
+        .with_map(map.map_err(raise)?)
+        .with_memory_limit(limit.map_err(raise)?.unwrap_or(job::DEFAULT_MEMORY_LIMIT))
+        .with_threads(threads(asked)?);
+    let pictures = cli::Pictures { heatmap, picture };
+    let found = watched(py, 0, None, |stop, _| {
+        cli::compare(&request, &pictures, stop)
+    })?;
+    Ok(serde_json::json!(found).to_string())
+}
+
+/// Puts the bands of an image together.
+#[pyfunction]
+pub(crate) fn stitch(py: Python<'_>, bands: Vec<PathBuf>, output: PathBuf) -> PyResult<()> {
+    job::check_output_name(&output).map_err(raise)?;
+    watched(py, 0, None, |stop, _| {
+        let bands: Vec<_> = bands.iter().map(PathBuf::as_path).collect();
+        job::stitch(&bands, &output, stop)
+    })
+}
+
+/// The command line; its exit code.
+#[pyfunction]
+pub(crate) fn main(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
+    py.detach(|| cli::run(arguments))
+}

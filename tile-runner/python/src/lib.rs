@@ -1,0 +1,29 @@
+//! What the Python package `linpred` calls: its own functions check and document, these compute.
+#![forbid(unsafe_code)]
+
+mod arrays;
+mod errors;
+mod files;
+mod frame;
+mod options;
+mod report;
+mod rows;
+mod watch;
+
+use pyo3::prelude::*;
+
+/// The compiled half of the package.
+#[pymodule]
+mod _linpred {
+    #[pymodule_export]
+    use super::errors::InputError;
+    #[pymodule_export]
+    use super::files::{compare, denoise_file, frames, inspect, main, plan, stitch};
+    #[pymodule_export]
+    use super::frame::denoise;
+    #[pymodule_export]
+    use super::rows::Rows;
+
+    #[pymodule_export]
+    const VERSION: &str = env!("CARGO_PKG_VERSION");
+}

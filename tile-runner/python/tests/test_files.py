@@ -1,0 +1,192 @@
+"""Files: what the command line makes of them, as functions."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import REFERENCE, SAMPLE, noise, read, same, write
+
+import linpred
+
+
+def command(*arguments: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "linpred", *map(str, arguments)], capture_output=True, text=True)
+
+
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The sample, denoised by the command."""
+    path = tmp_path_factory.mktemp("command") / "clean.exr"
+    done = command("denoise", SAMPLE, "-o", path, "--quality", "fast")
+    assert done.returncode == 0, done.stderr
+    return path
+
+
+def small_file(path: Path, seed: int = 1) -> Path:
+    write(path, dict(zip("RGB", noise(30, 40, seed).transpose(2, 0, 1))))
+    return path
+
+
+def test_a_file_is_byte_for_byte_that_of_the_command(clean: Path, tmp_path: Path) -> None:
+    report = linpred.denoise_file(SAMPLE, tmp_path / "clean.exr", quality="fast")
+    assert (tmp_path / "clean.exr").read_bytes() == clean.read_bytes()
+    assert isinstance(report, linpred.FileReport)
+    assert (report.input, report.output) == (str(SAMPLE), str(tmp_path / "clean.exr"))
+    assert report.pictures[0].pixels == 128 * 128
+    assert not report.skipped
+
+
+def test_options_are_those_of_the_command(tmp_path: Path) -> None:
+    options = dict(
+        quality="fast",
+        coverage=2,
+        preset="auto",
+        map={"albedo": "none", "depth": "Z"},
+        spp=16,
+        layers=["albedo"],
+        wrap="x",
+        error_layer=True,
+        models_layer=True,
+        max_memory="1G",
+    )
+    linpred.denoise_file(SAMPLE, tmp_path / "package.exr", **options)
+    written = "--quality fast --coverage 2 --preset auto --map albedo=none --map depth=Z --spp 16 --layers albedo --wrap x --error-layer --models-layer"
+    done = command("denoise", SAMPLE, "-o", tmp_path / "command.exr", *written.split(), "--max-memory", "1G")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "package.exr").read_bytes() == (tmp_path / "command.exr").read_bytes()
+
+
+def test_inspect_and_compare_give_what_the_command_prints(clean: Path, tmp_path: Path) -> None:
+    found = linpred.inspect(SAMPLE, pixels=True, map={"albedo": "none"})
+    printed = command("inspect", SAMPLE, "--pixels", "--map", "albedo=none", "--json").stdout
+    assert found == json.loads(printed)
+    pictures = dict(heatmap=tmp_path / "heat.png", picture=tmp_path / "seen.png")
+    found = linpred.compare(clean, REFERENCE, input=SAMPLE, **pictures)
+    printed = command("compare", clean, REFERENCE, "--input", SAMPLE, "--json").stdout
+    assert found == json.loads(printed)
+    assert found["gain"] > 4.0
+    for picture in pictures.values():
+        assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_bands_are_stitched_to_the_whole(clean: Path, tmp_path: Path) -> None:
+    bands = [tmp_path / f"band{n}.exr" for n in (1, 2)]
+    for n, band in zip("12", bands):
+        linpred.denoise_file(SAMPLE, band, quality="fast", band=f"{n}/2")
+    linpred.stitch(reversed(bands), tmp_path / "whole.exr")
+    assert (tmp_path / "whole.exr").read_bytes() == clean.read_bytes()
+
+
+def test_a_plan_says_what_a_run_would_take() -> None:
+    plan = linpred.plan(SAMPLE, threads=1)
+    assert plan.threads == 1
+    assert 1 << 20 < plan.memory < 1 << 28
+    assert "MiB" in plan.text
+    with pytest.raises(MemoryError, match="max_memory is 1.0 MiB"):
+        linpred.plan(SAMPLE, max_memory=1 << 20)
+
+
+def test_a_sequence_is_denoised_frame_by_frame(tmp_path: Path) -> None:
+    for n in (1, 2, 4):
+        small_file(tmp_path / f"shot.{n:04}.exr", n)
+    told = []
+    names = tmp_path / "shot.####.exr", tmp_path / "clean.####.exr"
+    reports = linpred.denoise_file(*names, progress=lambda *rows: told.append(rows))
+    assert isinstance(reports, list)
+    assert [report.frame for report in reports] == [1, 2, 4]
+    assert told[-1] == (90, 90)
+    assert told == sorted(told)
+    one = linpred.denoise_file(tmp_path / "shot.0002.exr", tmp_path / "alone.exr")
+    assert isinstance(one, linpred.FileReport)
+    assert (tmp_path / "alone.exr").read_bytes() == (tmp_path / "clean.0002.exr").read_bytes()
+    (tmp_path / "clean.0004.exr").unlink()
+    for wanted in ("2,4", [2, 4]):
+        linpred.denoise_file(*names, frames=wanted, skip_existing=True)
+    reports = linpred.denoise_file(*names, frames=range(2, 5, 2), skip_existing=True)
+    assert isinstance(reports, list)
+    assert [(report.frame, report.skipped) for report in reports] == [(2, True), (4, True)]
+
+
+def test_a_frame_that_fails_does_not_stop_the_others(tmp_path: Path) -> None:
+    small_file(tmp_path / "shot.1.exr")
+    (tmp_path / "shot.2.exr").write_bytes(b"no image")
+    small_file(tmp_path / "shot.3.exr")
+    with pytest.raises(linpred.SequenceError, match="^1 of 3 frames failed; frame 2: .*shot.2.exr") as failed:
+        linpred.denoise_file(tmp_path / "shot.#.exr", tmp_path / "clean.#.exr")
+    assert list(failed.value.failures) == [2]
+    assert [report.frame for report in failed.value.reports] == [1, 3]
+    assert (tmp_path / "clean.3.exr").exists()
+
+
+def test_what_progress_raises_ends_the_run_and_leaves_nothing(tmp_path: Path) -> None:
+    for n in (1, 2):
+        small_file(tmp_path / f"shot.{n}.exr")
+
+    def fail(done: int, of_all: int) -> None:
+        # an error that a frame could have, too
+        raise ValueError("enough")
+
+    for names in (("shot.1.exr", "clean.exr"), ("shot.#.exr", "clean.#.exr")):
+        with pytest.raises(ValueError, match="^enough$"):
+            linpred.denoise_file(*(tmp_path / name for name in names), progress=fail)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["shot.1.exr", "shot.2.exr"]
+
+
+def test_errors_are_of_the_kind_that_python_has_for_them(tmp_path: Path) -> None:
+    image, out = small_file(tmp_path / "image.exr"), tmp_path / "clean.exr"
+    with pytest.raises(FileNotFoundError, match="missing.exr"):
+        linpred.denoise_file(tmp_path / "missing.exr", out)
+    with pytest.raises(FileNotFoundError, match="nowhere"):
+        linpred.denoise_file(image, tmp_path / "nowhere" / "clean.exr")
+    broken = tmp_path / "broken.exr"
+    broken.write_bytes(image.read_bytes()[:300])
+    with pytest.raises(linpred.InputError, match="broken.exr"):
+        linpred.denoise_file(broken, out)
+    with pytest.raises(ValueError, match="map albedo=kd: "):
+        linpred.denoise_file(image, out, map={"albedo": "kd"})
+    with pytest.raises(ValueError, match="^preset \"none\": it is one of auto, "):
+        linpred.denoise_file(image, out, preset="none")
+    with pytest.raises(ValueError, match="^spp 0: it is 1 or more samples"):
+        linpred.denoise_file(image, out, spp=0)
+    with pytest.raises(ValueError, match="cannot be called .*clean.png; call it .*clean.exr"):
+        linpred.denoise_file(image, out.with_suffix(".png"))
+    with pytest.raises(MemoryError, match="max_memory"):
+        linpred.denoise_file(image, out, max_memory="1M")
+    with pytest.raises(linpred.InputError, match="give spp=N, or map="):
+        moments = dict(zip(("R", "G", "B", "m2_R", "m2_G", "m2_B"), np.concatenate([noise(30, 40), noise(30, 40)], -1).transpose(2, 0, 1)))
+        write(tmp_path / "moments.exr", moments)
+        linpred.denoise_file(tmp_path / "moments.exr", out, map={"second-moment": "m2_R,m2_G,m2_B"})
+    assert not out.exists()
+    with pytest.raises(linpred.InputError, match="broken.exr"):
+        linpred.inspect(broken)
+
+
+def test_what_is_odd_about_a_file_is_warned_of(clean: Path, tmp_path: Path) -> None:
+    with pytest.warns(linpred.InputWarning, match="linpred"):
+        report = linpred.denoise_file(clean, tmp_path / "again.exr", quality="fast")
+    assert isinstance(report, linpred.FileReport)
+    assert report.warnings
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        linpred.denoise_file(small_file(tmp_path / "image.exr"), tmp_path / "clean.exr")
+
+
+def test_the_command_ends_in_its_exit_codes(tmp_path: Path) -> None:
+    assert command("--version").stdout == f"linpred {linpred.__version__}\n"
+    assert command("denoise").returncode == 2
+    assert command("denoise", tmp_path / "missing.exr", "-o", tmp_path / "clean.exr").returncode == 3
+    script = Path(sys.executable).parent / "linpred"
+    done = subprocess.run([script, "--version"], capture_output=True, text=True)
+    assert done.stdout == f"linpred {linpred.__version__}\n"
+
+
+def test_arrays_of_a_file_are_kept_that_are_not_denoised(clean: Path) -> None:
+    before, after = read(SAMPLE), read(clean)
+    assert set(before) <= set(after)
+    assert all(same(before[name], after[name]) for name in before if name not in "RGB")
