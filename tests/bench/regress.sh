@@ -12,7 +12,7 @@ if ! command -v valgrind >/dev/null; then
     echo "regress.sh: NOT TESTED, valgrind is not installed: no instruction was counted"
     exit 0
 fi
-cargo build --quiet --release -p linpred-bench --bin kernels
+cargo build --quiet --release -p linpred-kernels
 kernels="${CARGO_TARGET_DIR:-../../target}/release/kernels"
 counts=$(mktemp)
 trap 'rm -f "$counts"' EXIT

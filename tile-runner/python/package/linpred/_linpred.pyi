@@ -1,11 +1,17 @@
 """The compiled half of the package: computes what the other half has checked."""
 
-from typing import Any, Callable, Iterable, Iterator
+from typing import Any, Callable, Iterable, Iterator, final
+
+from typing_extensions import disjoint_base
+
+__all__: list[str]
 
 VERSION: str
 
 class InputError(ValueError): ...
 
+@final
+@disjoint_base
 class Rows(Iterator[tuple[int, dict[str, Any]]]):
     def __new__(cls, source: Iterator[list[tuple[str, str, Any]]], height: int, computing: dict[str, Any]) -> Rows: ...
     def __iter__(self) -> Rows: ...
