@@ -72,6 +72,139 @@ fn progress_says_of_which_file_and_frame_it_is_and_since_when() {
 }
 
 #[test]
+fn the_progress_of_a_band_is_that_of_its_rows() {
+    let folder = tempfile::tempdir().unwrap();
+    // cut between chunks, of 16 rows
+    for (band, rows) in [("1/2", 16), ("2/2", 24)] {
+        let options = ["-q", "--progress", "json", "--band", band];
+        let ran = denoise(folder.path(), (20, 40), &options);
+        let last: Value = serde_json::from_str(ran.stderr().lines().last().unwrap()).unwrap();
+        assert_eq!(
+            (&last["rows"], &last["of"], &last["percent"]),
+            (&rows.into(), &rows.into(), &100.into()),
+            "{band}"
+        );
+    }
+}
+
+/// What a worker of Open Job Description reads: the hundredths, the last status and the failure. It reads nothing into other lines.
+fn read_by_a_worker(ran: &Ran) -> (Vec<usize>, String, Option<String>) {
+    let stderr = ran.stderr();
+    let told = |kind: &str| -> Vec<String> {
+        let lines = stderr.lines().filter_map(|line| line.strip_prefix(kind));
+        lines.map(str::to_owned).collect()
+    };
+    let progress = told("openjd_progress: ");
+    (
+        progress.iter().map(|text| text.parse().unwrap()).collect(),
+        told("openjd_status: ").pop().unwrap_or_default(),
+        told("openjd_fail: ").pop(),
+    )
+}
+
+fn sequence(folder: &Path, frames: &str, options: &[&str]) -> Ran {
+    let options = [options, &["--progress", "openjd", "--frames", frames]].concat();
+    let path = |name: &str| folder.join(name);
+    command::denoise_file(&path("in.####.exr"), &path("out.####.exr"), &options)
+}
+
+fn write_frames(folder: &Path, frames: &[u32]) {
+    for frame in frames {
+        let name = folder.join(format!("in.{frame:04}.exr"));
+        write(&name, (20, 40), vec![part(colour(800))]);
+    }
+}
+
+#[test]
+fn a_worker_of_open_job_description_reads_the_progress_of_all_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    write_frames(folder.path(), &[1, 3, 5]);
+    // frames as Open Job Description writes them
+    let ran = sequence(folder.path(), "1-5:2", &["-q"]).succeeds();
+    let (progress, status, failure) = read_by_a_worker(&ran);
+    assert!(progress.is_sorted_by(|a, b| a < b), "{progress:?}");
+    // every row of three times 40, but for those that share a hundredth
+    assert_eq!((progress.len(), progress.last()), (100, Some(&100)));
+    let last = folder.path().join("in.0005.exr");
+    assert_eq!(status, format!("{} (3 of 3)", last.display()));
+    assert_eq!(failure, None);
+
+    let alone = denoise(folder.path(), (20, 40), &["-q", "--progress", "openjd"]);
+    let (progress, status, failure) = read_by_a_worker(&alone);
+    assert_eq!((progress.len(), progress.last()), (40, Some(&100)));
+    assert_eq!(status, folder.path().join("in.exr").to_str().unwrap());
+    assert_eq!(failure, None);
+}
+
+#[test]
+fn frames_that_are_skipped_are_done_for_a_worker_of_open_job_description() {
+    let folder = tempfile::tempdir().unwrap();
+    write_frames(folder.path(), &[1, 2, 3, 4]);
+    sequence(folder.path(), "1,2,4", &[]).succeeds();
+    let ran = sequence(folder.path(), "1-4", &["--skip-existing"]).succeeds();
+    let (progress, status, _) = read_by_a_worker(&ran);
+    assert_eq!(progress[..2], [25, 50]);
+    assert!(progress.is_sorted_by(|a, b| a < b), "{progress:?}");
+    assert_eq!(progress[progress.len() - 2..], [75, 100]);
+    assert!(status.ends_with("in.0003.exr (3 of 4)"), "{status}");
+}
+
+#[test]
+fn a_worker_of_open_job_description_reads_why_a_command_failed() {
+    let folder = tempfile::tempdir().unwrap();
+    write_frames(folder.path(), &[1, 3]);
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let ran = sequence(folder.path(), "1-3", &["-q"]).exits_with(3);
+    let (progress, _, failure) = read_by_a_worker(&ran);
+    assert!(progress.is_sorted_by(|a, b| a < b), "{progress:?}");
+    let sentence = format!(
+        "1 of 3 frames failed: cannot read {}: ",
+        path("in.0002.exr")
+    );
+    assert!(failure.unwrap().starts_with(&sentence));
+
+    let (absent, noisy, clean) = (path("absent.exr"), path("in.0001.exr"), path("out.exr"));
+    let told = ["--progress", "openjd"];
+    for (arguments, code, words) in [
+        (vec!["denoise", &absent, "-o", &clean], 3, "cannot read "),
+        (vec!["denoise", &noisy], 2, "--output <CLEAN.exr>"),
+        (
+            vec!["denoise", &noisy, "-o", &clean, "--max-memory", "1M"],
+            4,
+            "--max-memory",
+        ),
+        (vec!["inspect", &absent, "--pixels"], 3, "cannot read "),
+        (vec!["stitch", &noisy, "-o", &clean], 3, "is no band"),
+    ] {
+        let ran = command::linpred(arguments.iter().chain(&told)).exits_with(code);
+        let (progress, _, failure) = read_by_a_worker(&ran);
+        let failure = failure.expect("a failure");
+        assert!(failure.contains(words), "{failure}");
+        assert_eq!(progress, [0; 0], "{arguments:?}");
+    }
+}
+
+#[test]
+fn a_worker_of_open_job_description_reads_when_bands_are_stitched() {
+    let folder = tempfile::tempdir().unwrap();
+    write_frames(folder.path(), &[1]);
+    let path = |name: &str| folder.path().join(name);
+    let bands = ["1", "2"].map(|band| {
+        let (name, band) = (path(&format!("b{band}.exr")), format!("{band}/2"));
+        command::denoise_file(&path("in.0001.exr"), &name, &["--band", &band]).succeeds();
+        name
+    });
+    let [first, second] = bands.each_ref().map(|name| name.to_str().unwrap());
+    let output = path("out.exr");
+    let arguments = ["stitch", first, second, "-o", output.to_str().unwrap()];
+    let quiet = command::linpred(arguments.iter().chain(&["-q"])).succeeds();
+    assert_eq!(quiet.stderr(), "");
+    let told = command::linpred(arguments.iter().chain(&["-q", "--progress", "openjd"])).succeeds();
+    let status = format!("{} of 2 bands", output.display());
+    assert_eq!(read_by_a_worker(&told), (vec![100], status, None));
+}
+
+#[test]
 fn the_report_counts_what_was_done() {
     let folder = tempfile::tempdir().unwrap();
     denoise(folder.path(), (20, 40), &[])

@@ -72,6 +72,18 @@ pub(crate) enum Command {
     Stitch(StitchArguments),
 }
 
+impl Command {
+    /// Whether a worker of Open Job Description is told how far the command is.
+    pub(crate) fn is_told_to_openjd(&self) -> bool {
+        match self {
+            Self::Denoise(denoise) => denoise.progress == ProgressStyle::Openjd,
+            Self::Inspect(inspect) => inspect.survey.progress == Some(ProgressStyle::Openjd),
+            Self::Stitch(stitch) => stitch.progress == StitchProgress::Openjd,
+            Self::Compare(_) => false,
+        }
+    }
+}
+
 #[derive(Debug, Args)]
 #[command(after_help = concat!(exit_codes!(), "
 
@@ -110,7 +122,7 @@ pub(crate) struct DenoiseArguments {
     /// Memory that may be used, such as 256M; a job that needs more is refused before it begins [default: 2G]
     #[arg(long, value_name = "SIZE", value_parser = parse_size)]
     pub(crate) max_memory: Option<u64>,
-    /// Frames of a sequence, such as 1-100x2,205; the file names hold ####, %04d or $F4 for the number [default: those that
+    /// Frames of a sequence, such as 1-100x2,205 (or 1-100:2,205); the file names hold ####, %04d or $F4 for the number [default: those that
     /// exist]
     #[arg(long, value_name = "FRAMES", value_parser = parse_frames)]
     pub(crate) frames: Option<std::vec::Vec<u32>>,
@@ -273,6 +285,18 @@ pub(crate) struct StitchArguments {
     /// The whole image
     #[arg(short, long, value_name = "CLEAN.exr")]
     pub(crate) output: PathBuf,
+    /// How progress is shown on standard error
+    #[arg(long, value_enum, default_value_t = StitchProgress::None)]
+    pub(crate) progress: StitchProgress,
+}
+
+/// Stitching takes as long as a copy: nobody watches it but a farm, which wants to know of every task.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum StitchProgress {
+    /// Lines for the workers of Open Job Description, as for denoise
+    Openjd,
+    /// Nothing
+    None,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -304,6 +328,8 @@ pub(crate) enum ProgressStyle {
     /// A JSON object for every hundredth: file (the input), frame (its number, of a sequence), rows (done), of (all rows), percent, seconds (since it
     /// began)
     Json,
+    /// Lines for the workers of Open Job Description: openjd_progress, in hundredths of all frames, openjd_status, openjd_fail
+    Openjd,
     /// Nothing
     None,
 }

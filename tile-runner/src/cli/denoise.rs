@@ -18,9 +18,9 @@ use super::args::{
     QualityName, WrapName,
 };
 use super::errors::DONE;
-use super::progress::Progress;
+use super::progress::{Place, Progress};
 use super::report::report;
-use super::{errors, stdout, stop, threads};
+use super::{errors, openjd, progress, stdout, stop, threads};
 
 /// Denoises one image, or the frames of a sequence.
 pub(crate) fn run(arguments: DenoiseArguments, log: &LogArguments) -> Result<u8, Error> {
@@ -36,7 +36,9 @@ pub(crate) fn run(arguments: DenoiseArguments, log: &LogArguments) -> Result<u8,
     };
     let request = request(arguments.input).with_memory_limit(arguments.max_memory);
     match job::frames(&request, &arguments.output, arguments.frames)? {
-        None => run.image(&request, &arguments.output, None).map(|()| DONE),
+        None => run
+            .image(&request, &arguments.output, Place::ALONE)
+            .map(|()| DONE),
         Some(frames) => run.sequence(&frames),
     }
 }
@@ -54,15 +56,11 @@ struct Run {
 }
 
 impl Run {
-    /// Denoises an image, which is `frame` of a sequence.
-    fn image(
-        &self,
-        request: &InputRequest,
-        output: &Path,
-        frame: Option<u32>,
-    ) -> Result<(), Error> {
+    /// Denoises an image, which has this place among those of the command.
+    fn image(&self, request: &InputRequest, output: &Path, place: Place) -> Result<(), Error> {
         if self.skip_existing && output.exists() {
             tracing::info!("{} exists, skipped", output.display());
+            progress::skipped(self.progress, place);
             return Ok(());
         }
         let started = Instant::now();
@@ -71,8 +69,8 @@ impl Run {
             return dry_run(&pictures, &self.options);
         }
         self.announce(&pictures)?;
-        let (rows, file) = (pictures[0].height(), &request.path);
-        let mut progress = Progress::new(self.progress, rows, file, frame, started);
+        let (rows, file) = (job::rows_to_write(&pictures, &self.options)?, &request.path);
+        let mut progress = Progress::new(self.progress, rows, file, place, started);
         let mut told = |rows| progress.set(rows);
         let result = job::denoise(&pictures, output, &self.options, &self.stop, &mut told);
         progress.end();
@@ -118,23 +116,30 @@ impl Run {
     /// A frame that fails does not stop the others; the first failure's exit code is the sequence's.
     fn sequence(&self, frames: &[Frame]) -> Result<u8, Error> {
         let mut failures = Vec::new();
-        for frame in frames {
-            match self.image(&frame.request, &frame.output, Some(frame.number)) {
+        for (before, frame) in frames.iter().enumerate() {
+            let place = Place {
+                frame: Some(frame.number),
+                before,
+                of: frames.len(),
+            };
+            match self.image(&frame.request, &frame.output, place) {
                 Ok(()) => {}
                 Err(error @ Error::Cancelled) => return Err(error),
                 Err(error) => {
                     tracing::error!("{}", errors::in_words(&error));
-                    failures.push(errors::code(&error));
+                    failures.push(error);
                 }
             }
         }
-        match failures.first() {
-            None => Ok(DONE),
-            Some(&code) => {
-                tracing::error!("{} of {} frames failed", failures.len(), frames.len());
-                Ok(code)
-            }
+        let Some(first) = failures.first() else {
+            return Ok(DONE);
+        };
+        let how_many = format!("{} of {} frames failed", failures.len(), frames.len());
+        if self.progress == ProgressStyle::Openjd {
+            openjd::fail(&format!("{how_many}: {}", errors::in_words(first)));
         }
+        tracing::error!("{how_many}");
+        Ok(errors::code(first))
     }
 }
 

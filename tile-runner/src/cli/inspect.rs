@@ -10,7 +10,7 @@ use crate::survey::Survey;
 use super::args::{InspectArguments, ProgressStyle, SurveyArguments};
 use super::denoise::request;
 use super::errors::DONE;
-use super::progress::Progress;
+use super::progress::{Place, Progress};
 use super::{errors, stdout, threads};
 
 /// Prints what a file holds. A file that cannot be denoised is described all the same, and ends in its exit code.
@@ -36,7 +36,7 @@ fn survey(input: &Input, arguments: &SurveyArguments) -> Result<Option<Survey>, 
     let limit = arguments.max_memory.unwrap_or(DEFAULT_MEMORY_LIMIT);
     let style = arguments.progress.unwrap_or(ProgressStyle::Auto);
     let started = Instant::now();
-    let mut progress = Progress::new(style, input.height(), input.path(), None, started);
+    let mut progress = Progress::new(style, input.height(), input.path(), Place::ALONE, started);
     let found = crate::job::survey(input, threads, limit, &mut |rows| {
         progress.set(rows);
         ControlFlow::Continue(())

@@ -16,6 +16,7 @@ mod heatmap;
 mod inspect;
 mod log;
 mod number;
+mod openjd;
 mod picture;
 mod png_rows;
 mod progress;
@@ -40,11 +41,17 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     };
     log::start(&parsed.log);
     crate::exr_file::coder_panics::tell_caught_ones_to(|panic| tracing::debug!("{panic}"));
+    let for_openjd = parsed.command.is_told_to_openjd();
     let result = match parsed.command {
         Command::Denoise(denoise) => denoise::run(denoise, &parsed.log),
         Command::Inspect(inspect) => inspect::run(inspect),
         Command::Compare(compare) => compare::run(compare),
         Command::Stitch(stitch) => stitch::run(stitch),
     };
-    result.unwrap_or_else(|error| errors::end(&error))
+    result.unwrap_or_else(|error| {
+        if for_openjd {
+            openjd::fail(&errors::in_words(&error));
+        }
+        errors::end(&error)
+    })
 }

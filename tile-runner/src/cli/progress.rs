@@ -8,14 +8,48 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle as BarStyle};
 use serde::Serialize;
 
 use super::args::ProgressStyle;
+use super::openjd;
 
 /// Shows how many of an image's rows are written.
 pub(crate) struct Progress {
     file: String,
-    frame: Option<u32>,
+    place: Place,
     rows: usize,
     started: Instant,
     show: Show,
+}
+
+/// An image's place among those of a command.
+#[derive(Clone, Copy)]
+pub(crate) struct Place {
+    /// Its number, of a sequence.
+    pub(crate) frame: Option<u32>,
+    /// How many images come before it.
+    pub(crate) before: usize,
+    /// How many there are.
+    pub(crate) of: usize,
+}
+
+impl Place {
+    /// The only image.
+    pub(crate) const ALONE: Self = Self {
+        frame: None,
+        before: 0,
+        of: 1,
+    };
+
+    /// How much of the command is done, in hundredths, when so many of the image's rows are. Grows over all images to 100.
+    fn percent(self, done: usize, rows: usize) -> usize {
+        (self.before * rows + done) * 100 / (self.of * rows)
+    }
+}
+
+/// An image needs nothing done.
+pub(crate) fn skipped(style: ProgressStyle, place: Place) {
+    let percent = place.percent(1, 1);
+    if style == ProgressStyle::Openjd && percent > place.percent(0, 1) {
+        openjd::progress(percent);
+    }
 }
 
 /// How far an image is, for scripts.
@@ -39,15 +73,17 @@ enum Show {
         written: usize,
         json: bool,
     },
+    /// Lines for the whole command; the last hundredth that was told of.
+    Openjd(usize),
 }
 
 impl Progress {
-    /// Progress of an image of so many rows, which is read from `file`, and is `frame` of a sequence. Its time begins with `started`.
+    /// Progress of an image of so many rows, which is read from `file`. Its time begins with `started`.
     pub(crate) fn new(
         style: ProgressStyle,
         rows: usize,
         file: &Path,
-        frame: Option<u32>,
+        place: Place,
         started: Instant,
     ) -> Self {
         let file = file.display().to_string();
@@ -65,11 +101,18 @@ impl Progress {
                 written: 0,
                 json: true,
             },
+            ProgressStyle::Openjd => {
+                openjd::status(&match place.of {
+                    1 => file.clone(),
+                    of => format!("{file} ({} of {of})", place.before + 1),
+                });
+                Show::Openjd(place.percent(0, 1))
+            }
             ProgressStyle::Auto | ProgressStyle::None => Show::Nothing,
         };
         Self {
             file,
-            frame,
+            place,
             rows,
             started,
             show,
@@ -93,6 +136,13 @@ impl Progress {
                     self.write_line(done, json);
                 }
             }
+            Show::Openjd(told) => {
+                let percent = self.place.percent(done, self.rows);
+                if percent > *told {
+                    *told = percent;
+                    openjd::progress(percent);
+                }
+            }
         }
     }
 
@@ -100,7 +150,7 @@ impl Progress {
     fn write_line(&self, rows: usize, json: bool) {
         let line = Line {
             file: &self.file,
-            frame: self.frame,
+            frame: self.place.frame,
             rows,
             of: self.rows,
             percent: rows * 100 / self.rows,

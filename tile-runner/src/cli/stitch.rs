@@ -5,19 +5,23 @@ use std::path::Path;
 use crate::Error;
 use crate::job::{check_output_name, stitch};
 
-use super::args::StitchArguments;
+use super::args::{StitchArguments, StitchProgress};
 use super::errors::DONE;
-use super::stop;
+use super::{openjd, stop};
 
 /// Puts the bands of an image together.
 pub(crate) fn run(arguments: StitchArguments) -> Result<u8, Error> {
     check_output_name(&arguments.output)?;
     let bands: Vec<&Path> = arguments.bands.iter().map(AsRef::as_ref).collect();
+    let output = arguments.output.display();
+    let for_openjd = arguments.progress == StitchProgress::Openjd;
+    if for_openjd {
+        openjd::status(&format!("{output} of {} bands", bands.len()));
+    }
     stitch(&bands, &arguments.output, &stop::on_signals())?;
-    tracing::info!(
-        "{}: stitched from {} bands",
-        arguments.output.display(),
-        bands.len()
-    );
+    if for_openjd {
+        openjd::progress(100);
+    }
+    tracing::info!("{output}: stitched from {} bands", bands.len());
     Ok(DONE)
 }

@@ -5,7 +5,7 @@ use std::io::Write;
 
 use super::args::{LogArguments, LogFormat};
 use super::errors::DONE;
-use super::{errors, log, stdout};
+use super::{errors, log, openjd, stdout};
 
 /// Prints what clap has to say: help and the version to standard output, an error to standard error, as a line of JSON if the log is one.
 pub(crate) fn end(said: &clap::Error, arguments: &[OsString]) -> u8 {
@@ -19,6 +19,10 @@ pub(crate) fn end(said: &clap::Error, arguments: &[OsString]) -> u8 {
             }
         };
     }
+    let in_a_line = in_a_line(&said.render().to_string());
+    if asks_for(arguments, "--progress", "openjd") {
+        openjd::fail(&in_a_line);
+    }
     match asked_for(arguments) {
         LogFormat::Text => {
             // nobody is left to be told when standard error is closed
@@ -26,7 +30,7 @@ pub(crate) fn end(said: &clap::Error, arguments: &[OsString]) -> u8 {
         }
         LogFormat::Json => {
             log::start(&LogArguments::plain(LogFormat::Json));
-            tracing::error!("{}", in_a_line(&said.render().to_string()));
+            tracing::error!("{in_a_line}");
         }
     }
     errors::USAGE
@@ -34,19 +38,19 @@ pub(crate) fn end(said: &clap::Error, arguments: &[OsString]) -> u8 {
 
 /// The format of the log that arguments ask for which as a whole are not understood.
 fn asked_for(arguments: &[OsString]) -> LogFormat {
-    let end = arguments.iter().position(|argument| argument == "--");
-    let arguments = &arguments[..end.unwrap_or(arguments.len())];
-    let apart = arguments
-        .windows(2)
-        .any(|pair| pair[0] == "--log-format" && pair[1] == "json");
-    match apart
-        || arguments
-            .iter()
-            .any(|argument| argument == "--log-format=json")
-    {
+    match asks_for(arguments, "--log-format", "json") {
         true => LogFormat::Json,
         false => LogFormat::Text,
     }
+}
+
+/// Whether an option is among the arguments with this value.
+fn asks_for(arguments: &[OsString], option: &str, value: &str) -> bool {
+    let end = arguments.iter().position(|argument| argument == "--");
+    let arguments = &arguments[..end.unwrap_or(arguments.len())];
+    let apart = |pair: &[OsString]| pair[0] == option && pair[1] == value;
+    let joined = format!("{option}={value}");
+    arguments.windows(2).any(apart) || arguments.iter().any(|argument| *argument == *joined)
 }
 
 /// The error and its tips without the usage below them, in one line.

@@ -44,7 +44,8 @@ pub struct Summary {
     pub peak_memory: Option<u64>,
 }
 
-/// Denoises the pictures of a file, as [`Input::open_all`] gives them, into `output`. `progress` is told how many rows have been written; the job ends
+/// Denoises the pictures of a file, as [`Input::open_all`] gives them, into `output`. `progress` is told how many of
+/// the [`rows_to_write`] have been; the job ends
 /// with [`Error::Cancelled`] soon after `stop` is set, and leaves nothing behind.
 pub fn denoise(
     pictures: &[Input],
@@ -97,6 +98,23 @@ pub fn denoise(
         layers_off: sources.iter().map(Rows::layers_off).collect(),
         peak_memory: memory::peak(),
     })
+}
+
+/// How many rows of the first picture [`denoise`] will write, which its progress counts: all, or those of the band.
+///
+/// [`Error::Setting`] if the band is empty, [`Error::Unsupported`] if the file cannot be cut.
+pub fn rows_to_write(pictures: &[Input], options: &JobOptions) -> Result<usize, Error> {
+    let [input, ..] = pictures else {
+        return Err(Error::Usage("no picture to denoise".into()));
+    };
+    let Some(band) = options.band else {
+        return Ok(input.height());
+    };
+    let mut rewrite = rewrite(pictures, options.extra, &[])?;
+    let rows = band.restrict(&mut rewrite, input.file())?;
+    let end = rows.end.min(input.height());
+    // where another picture reaches below the first, a band may have none of its rows, and writes an empty one
+    Ok(end.saturating_sub(rows.start).max(1))
 }
 
 /// Begins the output. It is coded by turns with the input where `schedule` has no memory for both at once.

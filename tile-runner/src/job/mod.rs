@@ -35,7 +35,7 @@ pub use compare::{
     ColourRow, CompareRequest, Comparing, Comparison, Figures, PLACE, WorstPixel, WorstPlace,
     tone_mapped, worst_places,
 };
-pub use denoise::{Summary, denoise};
+pub use denoise::{Summary, denoise, rows_to_write};
 pub use input::{Input, InputRequest, Wrap, notes_on_output};
 pub use inspect::{Inspection, PartInfo, RoleInfo, describe, inspect, inspect_with, survey};
 pub use memory::{DEFAULT_MEMORY_LIMIT, MemoryPlan};

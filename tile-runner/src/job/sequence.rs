@@ -175,7 +175,8 @@ fn find_dollar(name: &str) -> Option<(usize, usize, usize)> {
     }
 }
 
-/// Parses `1-100x2,205`: ranges with an optional step, and single frames, joined by commas. [`Error::Usage`] otherwise.
+/// Parses `1-100x2,205`: ranges with an optional step, and single frames, joined by commas. A step may also be written `1-100:2`, as Open Job
+/// Description does. [`Error::Usage`] otherwise.
 pub fn parse_frames(text: &str) -> Result<Vec<u32>, Error> {
     let usage = || {
         Error::Usage(format!(
@@ -185,7 +186,7 @@ pub fn parse_frames(text: &str) -> Result<Vec<u32>, Error> {
     let number = |text: &str| text.trim().parse::<u32>().map_err(|_| usage());
     let mut frames = Vec::new();
     for range in text.split(',') {
-        let (range, step) = range.split_once('x').unwrap_or((range, "1"));
+        let (range, step) = range.split_once(['x', ':']).unwrap_or((range, "1"));
         let (first, last) = range.split_once('-').unwrap_or((range, range));
         let (first, last, step) = (number(first)?, number(last)?, number(step)?);
         if step == 0 || last < first {
@@ -207,8 +208,10 @@ mod tests {
 
     #[test]
     fn frames_are_ranges_with_steps() {
-        assert_eq!(parse_frames("1-10x3,7, 20").unwrap(), [1, 4, 7, 10, 7, 20]);
-        for text in ["", "5-1", "1-9x0", "a", "1-", "0-4000000000"] {
+        for text in ["1-10x3,7, 20", "1-10:3,7,20-20"] {
+            assert_eq!(parse_frames(text).unwrap(), [1, 4, 7, 10, 7, 20], "{text}");
+        }
+        for text in ["", "5-1", "1-9x0", "1-9x2:2", "a", "1-", "0-4000000000"] {
             assert!(parse_frames(text).is_err(), "{text}");
         }
     }
