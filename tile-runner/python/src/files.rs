@@ -142,7 +142,7 @@ pub(crate) fn denoise_file<'py>(
     job::check_output_name(&writing.output).map_err(raise)?;
     let options = writing.options(&computing, request.memory_limit)?;
     let pictures = py.detach(|| Input::open_all(&request)).map_err(raise)?;
-    let height = pictures.iter().map(Input::height).max().unwrap_or(0);
+    let rows = job::rows_to_write(&pictures, &options).map_err(raise)?;
     let (mut notes, mut warnings) = (Vec::new(), Vec::new());
     for picture in &pictures {
         let label = match picture.roles.label() {
@@ -157,7 +157,7 @@ pub(crate) fn denoise_file<'py>(
     }
     warnings.extend(job::notes_on_output(&pictures, options.extra).map_err(raise)?);
     let output = &writing.output;
-    let done = watched(py, height, progress.as_ref(), |stop, tell| {
+    let done = watched(py, rows, progress.as_ref(), |stop, tell| {
         job::denoise(&pictures, output, &options, stop, tell)
     })?;
     let fields = PyDict::new(py);

@@ -77,8 +77,10 @@ def test_inspect_and_compare_give_what_the_command_prints(clean: Path, tmp_path:
 
 def test_bands_are_stitched_to_the_whole(clean: Path, tmp_path: Path) -> None:
     bands = [tmp_path / f"band{n}.exr" for n in (1, 2)]
+    told: list[tuple[int, int]] = []
     for n, band in zip("12", bands):
-        linpred.denoise_file(SAMPLE, band, quality="fast", band=f"{n}/2")
+        linpred.denoise_file(SAMPLE, band, quality="fast", band=f"{n}/2", progress=lambda *rows: told.append(rows))
+        assert told[-1][0] == told[-1][1] < 128
     linpred.stitch(reversed(bands), tmp_path / "whole.exr")
     assert (tmp_path / "whole.exr").read_bytes() == clean.read_bytes()
 
