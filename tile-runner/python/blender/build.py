@@ -18,7 +18,7 @@ import zipfile
 from pathlib import Path
 
 HERE = Path(__file__).parent
-SOURCES = ("__init__.py", "frames.py", "job.py", "operators.py", "panel.py", "passes.py", "result.py", "settings.py")
+SOURCE = HERE / "extension"
 LICENCES = ("LICENSE-MIT", "LICENSE-APACHE")
 # Blender's names of platforms by how the platform tag of a wheel begins and ends
 PLATFORMS = {
@@ -44,7 +44,7 @@ def platform_of(wheel: Path) -> str:
 
 def manifest(wheels: list[Path]) -> str:
     """The manifest with the wheels in it, and the platforms that they are for. Keys must stand above its first table."""
-    text = (HERE / "blender_manifest.toml").read_text()
+    text = (SOURCE / "blender_manifest.toml").read_text()
     if not wheels:
         return text
     platforms = sorted({platform_of(wheel) for wheel in wheels})
@@ -60,7 +60,7 @@ def build(wheels: list[Path], output: Path) -> Path:
     root = HERE.parents[2]
     text = manifest(wheels)
     files = {"blender_manifest.toml": text.encode()}
-    files |= {name: (HERE / name).read_bytes() for name in SOURCES}
+    files |= {file.name: file.read_bytes() for file in SOURCE.glob("*.py")}
     files |= {name: (root / name).read_bytes() for name in LICENCES}
     files |= {f"wheels/{wheel.name}": wheel.read_bytes() for wheel in wheels}
     path = output / f"linpred-{tomllib.loads(text)['version']}.zip"

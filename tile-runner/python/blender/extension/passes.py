@@ -51,14 +51,15 @@ def lacks_passes(scene: bpy.types.Scene) -> bool:
 def save_last_render(scene: bpy.types.Scene, path: str) -> None:
     """Writes the last render of the scene with all passes, layers and views into an EXR file."""
     result = next((image for image in bpy.data.images if image.type == "RENDER_RESULT"), None)
+    nothing = f"There is no render of {scene.name} yet: render first"
     if result is None:
-        raise Refused("There is no render yet: render first")
+        raise Refused(nothing)
     with _multilayer(scene.render.image_settings):
         try:
             _save(result, scene, path)
         except RuntimeError as error:
             if "does not have any image data" in str(error):
-                raise Refused(f"There is no render of {scene.name} yet: render first") from error
+                raise Refused(nothing) from error
             raise Refused(f"The render could not be written: {_told(error)}") from error
 
 

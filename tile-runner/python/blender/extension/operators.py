@@ -146,16 +146,19 @@ def begin(operator: bpy.types.Operator, context: bpy.types.Context) -> bool:
     """Starts the run that the settings ask for; if it cannot be, the user is told."""
     global current
     try:
-        current = start_run(context.scene)
+        current = prepare(context.scene)
     except Refused as refused:
         operator.report({"ERROR"}, str(refused))
+        return False
     except OSError as error:
         operator.report({"ERROR"}, f"The render could not be written: {error}")
-    return current is not None
+        return False
+    current.job.start()
+    return True
 
 
-def start_run(scene: bpy.types.Scene) -> Run:
-    """Raises Refused with a sentence where a run cannot be."""
+def prepare(scene: bpy.types.Scene) -> Run:
+    """The run that the settings ask for, not started; Refused with a sentence where it cannot be."""
     try:
         # here and not above, so that the panel is there to say it
         import linpred
@@ -167,9 +170,7 @@ def start_run(scene: bpy.types.Scene) -> Run:
     def job(tasks: list[Task]) -> Job:
         return Job(tasks, linpred.denoise_file, linpred.InputWarning)
 
-    run = run_of_last_render(scene, job) if scene.linpred.source == "LAST_RENDER" else run_of_files(scene, job)
-    run.job.start()
-    return run
+    return run_of_last_render(scene, job) if scene.linpred.source == "LAST_RENDER" else run_of_files(scene, job)
 
 
 def run_of_last_render(scene: bpy.types.Scene, job: Callable[[list[Task]], Job]) -> Run:
@@ -223,13 +224,15 @@ def finish(operator: bpy.types.Operator, context: bpy.types.Context) -> set[str]
         for note in outcome.notes:
             operator.report({"WARNING"}, note)
         if outcome.cancelled:
+            done = f"; {outcome.done} of {len(run.frames)} frames are done" if outcome.done else ""
             # an error for scripts, which must not go on as if there was a result
-            operator.report({"ERROR"} if bpy.app.background else {"INFO"}, "Cancelled")
+            operator.report({"ERROR"} if bpy.app.background else {"INFO"}, f"Cancelled{done}")
             return {"CANCELLED"}
         shown = outcome.done and show_result(operator, context, run)
         if outcome.failures:
-            files = len(outcome.failures) + outcome.done
-            several = f"{len(outcome.failures)} of {files} frames failed. " if files > 1 else ""
+            for failure in outcome.failures[1:]:
+                operator.report({"WARNING"}, failure)
+            several = f"{len(outcome.failures)} of {len(run.frames)} frames failed. " if len(run.frames) > 1 else ""
             operator.report({"ERROR"}, several + outcome.failures[0])
         return {"FINISHED"} if shown else {"CANCELLED"}
     finally:
