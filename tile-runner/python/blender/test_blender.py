@@ -156,9 +156,10 @@ def error_of(picture: np.ndarray, reference: np.ndarray) -> float:
 
 def output_settings(scene: bpy.types.Scene) -> dict[str, object]:
     """All that can be set of the output, and of films."""
+    settings = scene.render.image_settings
     return {
         f"{owner.bl_rna.identifier}.{each.identifier}": getattr(owner, each.identifier)
-        for owner in (scene.render.image_settings, scene.render.ffmpeg)
+        for owner in (settings, settings.linear_colorspace_settings, scene.render.ffmpeg)
         for each in owner.bl_rna.properties
         if each.type != "POINTER" and not each.is_readonly
     }
@@ -205,6 +206,7 @@ def test_the_last_render_denoised_is_closer_to_1024_samples(scene: bpy.types.Sce
     bpy.ops.linpred.set_passes()
     bpy.ops.render.render()
     scene.render.image_settings.file_format = "JPEG"
+    scene.render.image_settings.color_management = "OVERRIDE"
     before = output_settings(scene)
     assert bpy.ops.linpred.denoise() == {"FINISHED"}
     assert output_settings(scene) == before
@@ -239,11 +241,12 @@ def test_the_image_that_blender_has_is_what_linpred_wrote(scene: bpy.types.Scene
     bpy.ops.linpred.set_passes()
     bpy.ops.render.render()
     save(scene, "Render Result", tmp_path / "render.exr")
-    # what a user may have set for files must not change radiance
-    scene.render.image_settings.color_management = "OVERRIDE"
-    scene.render.image_settings.linear_colorspace_settings.name = "ACEScg"
+    # what a user may have set for files must change neither radiance nor precision
+    settings = scene.render.image_settings
+    settings.color_depth, settings.color_management = "16", "OVERRIDE"
+    settings.linear_colorspace_settings.name = "ACEScg"
     bpy.ops.linpred.denoise()
-    scene.render.image_settings.color_management = "FOLLOW_SCENE"
+    settings.color_management = "FOLLOW_SCENE"
     save(scene, "linpred", tmp_path / "image.exr")
     for one, other in (("render.exr", "input.exr"), ("written.exr", "image.exr")):
         one, other = channels(tmp_path / one), channels(tmp_path / other)
@@ -264,7 +267,8 @@ def test_every_output_setting_is_as_before_after_the_render_was_saved(scene: bpy
                 settings.file_format = kind.identifier
             except TypeError:  # not of this media type
                 continue
-            settings.quality = 71
+            settings.quality, settings.color_management = 71, "OVERRIDE"
+            settings.linear_colorspace_settings.name = "ACEScg"
             before = output_settings(scene)
             importlib.import_module(f"{EXTENSION}.passes").save_last_render(scene, str(tmp_path / "render.exr"))
             assert output_settings(scene) == before, (media, kind.identifier)
@@ -291,6 +295,37 @@ def test_a_sequence_is_denoised_from_disk_to_disk(
     assert image.source == "SEQUENCE"
     assert image.packed_file is None
     assert Path(bpy.path.abspath(image.filepath)) == tmp_path / "clean.0001.exr"
+
+
+def test_what_the_settings_say_reaches_linpred(scene: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+    monkeypatch.setattr(linpred, "denoise_file", lambda **arguments: asked.append(arguments))
+    (tmp_path / "noisy.exr").touch()
+    scene.linpred.source = "FILES"
+    scene.linpred.input, scene.linpred.output = str(tmp_path / "noisy.exr"), str(tmp_path / "clean.exr")
+    with pytest.raises(RuntimeError, match="could not be loaded"):
+        bpy.ops.linpred.denoise()
+    scene.linpred.quality, scene.linpred.error_layer, scene.linpred.skip_existing = "fast", True, True
+    scene.render.threads_mode, scene.render.threads = "FIXED", 1
+    with pytest.raises(RuntimeError, match="could not be loaded"):
+        bpy.ops.linpred.denoise()
+    files = {"input": scene.linpred.input, "output": scene.linpred.output}
+    for arguments in asked:
+        del arguments["progress"]
+    assert asked == [
+        {**files, "quality": "balanced", "error_layer": False, "skip_existing": False, "threads": None},
+        {**files, "quality": "fast", "error_layer": True, "skip_existing": True, "threads": 1},
+    ]
+
+
+def test_a_frame_that_fails_does_not_stop_the_others_and_is_told(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    scene.cycles.samples = 1
+    render_frames(scene, tmp_path, last=3)
+    (tmp_path / "noisy.0001.exr").write_bytes(b"no picture")
+    with pytest.raises(RuntimeError, match="^Error: 1 of 3 frames failed. .*noisy.0001.exr: not an EXR file[^\n]*\n$"):
+        bpy.ops.linpred.denoise()
+    assert sorted(path.name for path in tmp_path.glob("clean*")) == ["clean.0002.exr", "clean.0003.exr"]
+    assert bpy.path.basename(bpy.data.images["linpred"].filepath) == "clean.0002.exr"
 
 
 def test_frames_whose_output_is_there_are_left_alone_when_asked(scene: bpy.types.Scene, tmp_path: Path) -> None:
@@ -352,6 +387,11 @@ def test_the_next_result_takes_the_place_of_the_last_but_not_of_a_renamed_or_for
     for _ in range(2):
         bpy.ops.linpred.denoise()
         assert editor.image == bpy.data.images["linpred"]
+    bpy.ops.object.empty_add(type="IMAGE")
+    user = bpy.context.object
+    user.data = bpy.data.images["linpred"]
+    bpy.ops.linpred.denoise()
+    assert user.data == bpy.data.images["linpred"], "what showed the result shows the new one"
     assert sorted(image.name for image in bpy.data.images if image.type != "RENDER_RESULT" and image.source == "FILE") == [
         "kept",
         "linpred",
@@ -385,6 +425,9 @@ def test_cancelling_leaves_nothing_behind(
     scene: bpy.types.Scene, addon: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene.cycles.samples = 1
+    # rows enough that linpred is not done before it can be told
+    scene.render.resolution_x = scene.render.resolution_y = 5 * SIZE
+    scene.linpred.quality = "high"
     render_frames(scene, tmp_path, last=3)
     cancel_at_first_row(addon, monkeypatch, of_file=2)
     with pytest.raises(RuntimeError, match="^Error: Cancelled; 1 of 3 frames are done\n$"):
@@ -546,11 +589,15 @@ def wait_for_escape(button: Button, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_another_file_or_switching_off_ends_the_run(button: Button, monkeypatch: pytest.MonkeyPatch) -> None:
     wait_for_escape(button, monkeypatch)
     button.press()
+    job = button.operators.current.job
     button.methods.cancel(button.operator, button.context)
+    assert job.wait(0), "nothing runs on"
     assert (button.operators.current, button.manager.timers, left_in_temporary_folder()) == (None, 0, [])
 
     button.press()
+    job = button.operators.current.job
     bpy.ops.preferences.addon_disable(module=EXTENSION)
+    assert job.wait(0)
     assert (button.operators.current, left_in_temporary_folder()) == (None, [])
     assert button.event("TIMER") == {"CANCELLED"}
     assert button.manager.timers == 0

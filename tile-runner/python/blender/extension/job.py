@@ -73,7 +73,9 @@ class Job:
                 self.outcome.cancelled = True
                 return
             except (ValueError, OSError, MemoryError) as error:
-                self.outcome.failures.append(str(error) or type(error).__name__)
+                # of a sequence linpred keeps by frame what went wrong
+                reasons = getattr(error, "failures", {0: error}).values()
+                self.outcome.failures += [str(reason) or type(reason).__name__ for reason in reasons]
             except Exception as error:  # noqa: BLE001
                 # not foreseen: the user gets a sentence in any case, and the console keeps where it happened
                 traceback.print_exc()

@@ -230,10 +230,11 @@ def finish(operator: bpy.types.Operator, context: bpy.types.Context) -> set[str]
             return {"CANCELLED"}
         shown = outcome.done and show_result(operator, context, run)
         if outcome.failures:
-            for failure in outcome.failures[1:]:
-                operator.report({"WARNING"}, failure)
             several = f"{len(outcome.failures)} of {len(run.frames)} frames failed. " if len(run.frames) > 1 else ""
-            operator.report({"ERROR"}, several + outcome.failures[0])
+            first, *others = dict.fromkeys(outcome.failures)
+            for failure in others:
+                operator.report({"WARNING"}, failure)
+            operator.report({"ERROR"}, several + first)
         return {"FINISHED"} if shown else {"CANCELLED"}
     finally:
         run.clean_up()

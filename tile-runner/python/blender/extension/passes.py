@@ -87,6 +87,8 @@ def _multilayer(settings: bpy.types.ImageFormatSettings) -> Iterator[None]:
     # the format decides which values the others can take, and the media type which formats
     names.sort(key=lambda name: (name != "media_type", name != "file_format", name != "color_mode"))
     before = {name: getattr(settings, name) for name in names}
+    # of the user's only where it counts; a new format resets it
+    space = settings.linear_colorspace_settings.name if settings.color_management == "OVERRIDE" else ""
     try:
         if "media_type" in before:
             settings.media_type = "MULTI_LAYER_IMAGE"
@@ -103,6 +105,8 @@ def _multilayer(settings: bpy.types.ImageFormatSettings) -> Iterator[None]:
             # a value that the format does not offer reads as ""; nothing here changed it then
             if value != "":
                 setattr(settings, name, value)
+        if space != "":
+            settings.linear_colorspace_settings.name = space
 
 
 def _told(error: RuntimeError) -> str:
