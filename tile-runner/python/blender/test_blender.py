@@ -303,11 +303,11 @@ def test_what_the_settings_say_reaches_linpred(scene: bpy.types.Scene, tmp_path:
     (tmp_path / "noisy.exr").touch()
     scene.linpred.source = "FILES"
     scene.linpred.input, scene.linpred.output = str(tmp_path / "noisy.exr"), str(tmp_path / "clean.exr")
-    with pytest.raises(RuntimeError, match="could not be loaded"):
+    with pytest.raises(RuntimeError, match="^Error: The denoised file could not be loaded: Cannot read"):
         bpy.ops.linpred.denoise()
     scene.linpred.quality, scene.linpred.error_layer, scene.linpred.skip_existing = "fast", True, True
     scene.render.threads_mode, scene.render.threads = "FIXED", 1
-    with pytest.raises(RuntimeError, match="could not be loaded"):
+    with pytest.raises(RuntimeError, match="^Error: The denoised file could not be loaded: Cannot read"):
         bpy.ops.linpred.denoise()
     files = {"input": scene.linpred.input, "output": scene.linpred.output}
     for arguments in asked:
@@ -611,22 +611,32 @@ def test_a_button_that_cannot_start_says_why(button: Button) -> None:
 
 
 class Layout:
-    """Keeps what a panel draws."""
+    """Keeps what a panel draws, and refuses what Blender's own would."""
 
     def __init__(self) -> None:
         self.drawn = []
 
-    def prop(self, _owner: object, name: str, **_: object) -> None:
+    def prop(self, owner: bpy.types.bpy_struct, name: str) -> None:
+        assert name in owner.bl_rna.properties
         self.drawn.append(name)
 
-    def label(self, *, text: str, **_: object) -> None:
-        self.drawn.append(text)
+    def label(self, **given: str) -> None:
+        self.check("label", given)
+        self.drawn.append(given["text"])
 
-    def operator(self, name: str, **_: object) -> None:
+    def operator(self, name: str, **given: str) -> None:
+        self.check("operator", given)
         self.drawn.append(name)
 
-    def progress(self, *, factor: float, text: str) -> None:
-        self.drawn.append((factor, text))
+    def progress(self, **given: object) -> None:
+        self.check("progress", given)
+        self.drawn.append((given["factor"], given["text"]))
+
+    @staticmethod
+    def check(function: str, given: dict[str, object]) -> None:
+        known = bpy.types.UILayout.bl_rna.functions[function].parameters
+        assert given.keys() <= set(known.keys())
+        assert "icon" not in given or given["icon"] in known["icon"].enum_items
 
 
 def draw(scene: bpy.types.Scene) -> list[object]:

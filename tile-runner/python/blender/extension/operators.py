@@ -248,7 +248,7 @@ def show_result(operator: bpy.types.Operator, context: bpy.types.Context, run: R
     try:
         image = result.load(path, keep_in_blend=run.folder is not None, frames=frames)
     except RuntimeError as error:
-        operator.report({"ERROR"}, f"The denoised file could not be loaded: {error}")
+        operator.report({"ERROR"}, f"The denoised file could not be loaded: {passes.told(error)}")
         return False
     result.show(context, image, frames)
     if passes.holds_composite(path):

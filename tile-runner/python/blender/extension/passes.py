@@ -60,7 +60,7 @@ def save_last_render(scene: bpy.types.Scene, path: str) -> None:
         except RuntimeError as error:
             if "does not have any image data" in str(error):
                 raise Refused(nothing) from error
-            raise Refused(f"The render could not be written: {_told(error)}") from error
+            raise Refused(f"The render could not be written: {told(error)}") from error
 
 
 def _save(result: bpy.types.Image, scene: bpy.types.Scene, path: str) -> None:
@@ -109,6 +109,6 @@ def _multilayer(settings: bpy.types.ImageFormatSettings) -> Iterator[None]:
             settings.linear_colorspace_settings.name = space
 
 
-def _told(error: RuntimeError) -> str:
+def told(error: RuntimeError) -> str:
     """Blender's own words without their label."""
     return str(error).removeprefix("Error: ").strip()
