@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+import re
 import shutil
 import subprocess
 import sys
-import tomllib
 import zipfile
 from pathlib import Path
 
@@ -63,7 +63,11 @@ def build(wheels: list[Path], output: Path) -> Path:
     files |= {file.name: file.read_bytes() for file in SOURCE.glob("*.py")}
     files |= {name: (root / name).read_bytes() for name in LICENCES}
     files |= {f"wheels/{wheel.name}": wheel.read_bytes() for wheel in wheels}
-    path = output / f"linpred-{tomllib.loads(text)['version']}.zip"
+    version = re.search(r'^version = "(.*)"', text, re.MULTILINE)[1]
+    for wheel in wheels:
+        if wheel.name.split("-")[1] != version:
+            sys.exit(f"{wheel.name} is not of version {version}, which blender_manifest.toml states")
+    path = output / f"linpred-{version}.zip"
     # stored: wheels are compressed already, and compressors differ in their bytes
     with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
         for name, content in sorted(files.items()):

@@ -1,6 +1,6 @@
 """The extension in Blender without a window: built, installed as a user installs it, and run on renders of Cycles.
 
-Needs `bpy`, `linpred` and `OpenEXR` of PyPI. What is absent is said.
+Needs the package `linpred`, and `bpy` and `OpenEXR` of PyPI. What is absent is said.
 """
 
 from __future__ import annotations
@@ -449,6 +449,27 @@ def test_cancelling_leaves_nothing_behind(
     assert importlib.import_module(f"{EXTENSION}.operators").current is None
 
 
+def test_ctrl_c_cancels_a_script_s_run(scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    kind = importlib.import_module(f"{EXTENSION}.job").Job
+    original, waits = kind.wait, []
+
+    def wait(job: object, seconds: float | None = None) -> bool:
+        waits.append(seconds)
+        if len(waits) == 1:
+            raise KeyboardInterrupt
+        return original(job, seconds)
+
+    bpy.ops.linpred.set_passes()
+    scene.render.resolution_x = scene.render.resolution_y = 5 * SIZE
+    scene.linpred.quality, scene.cycles.samples = "high", 1
+    bpy.ops.render.render()
+    monkeypatch.setattr(kind, "wait", wait)
+    with pytest.raises(RuntimeError, match="^Error: Cancelled\n$"):
+        bpy.ops.linpred.denoise()
+    assert len(waits) == 2, "the run has ended"
+    assert left_in_temporary_folder() == []
+
+
 def refused(scene: bpy.types.Scene) -> Iterator[tuple[str, str]]:
     """What a user may do wrong, and the sentence that is told."""
     yield "no render", "There is no render of Scene yet: render first"
@@ -674,14 +695,23 @@ def test_the_example_of_the_page_runs_as_it_is(addon: ModuleType, tmp_path: Path
     assert "Traceback" not in told.stderr
 
 
-def test_the_same_files_make_the_same_archive_and_its_wheels_are_installed(tmp_path: Path) -> None:
-    platform = re.sub(r"[-.]", "_", sysconfig.get_platform())
-    wheel = tmp_path / f"linpred_probe-1.0-cp38-abi3-{platform}.whl"
+def probe(folder: Path, version: str) -> Path:
+    """A wheel for this platform with an empty module `linpred_probe`."""
+    tag = f"cp38-abi3-{re.sub(r'[-.]', '_', sysconfig.get_platform())}"
+    wheel = folder / f"linpred_probe-{version}-{tag}.whl"
+    about = f"linpred_probe-{version}.dist-info"
     with zipfile.ZipFile(wheel, "w") as archive:
         archive.writestr("linpred_probe.py", "")
-        archive.writestr("linpred_probe-1.0.dist-info/METADATA", "Metadata-Version: 2.1\nName: linpred-probe\nVersion: 1.0\n")
-        archive.writestr("linpred_probe-1.0.dist-info/WHEEL", f"Wheel-Version: 1.0\nRoot-Is-Purelib: false\nTag: cp38-abi3-{platform}\n")
-        archive.writestr("linpred_probe-1.0.dist-info/RECORD", "linpred_probe.py,,\n")
+        archive.writestr(f"{about}/METADATA", f"Metadata-Version: 2.1\nName: linpred-probe\nVersion: {version}\n")
+        archive.writestr(f"{about}/WHEEL", f"Wheel-Version: 1.0\nRoot-Is-Purelib: false\nTag: {tag}\n")
+        archive.writestr(f"{about}/RECORD", "linpred_probe.py,,\n")
+    return wheel
+
+
+def test_the_same_files_make_the_same_archive_and_its_wheels_are_installed(tmp_path: Path) -> None:
+    wheel = probe(tmp_path, re.search(r'^version = "(.*)"', (HERE / "extension/blender_manifest.toml").read_text(), re.MULTILINE)[1])
+    with pytest.raises(AssertionError, match="is not of version"):
+        build(tmp_path, probe(tmp_path, "99.0"))
     folders = [tmp_path / name for name in ("one", "other")]
     for folder in folders:
         folder.mkdir()

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import importlib.util
+import os
+import signal
 import sys
+import threading
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -117,6 +120,25 @@ def test_a_job_that_is_cancelled_begins_no_other_file() -> None:
     assert started.wait(10)
     assert files == [0]
     assert (started.outcome.cancelled, started.outcome.done) == (True, 1)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a process cannot send itself Ctrl-C there")
+def test_ctrl_c_while_waiting_does_not_take_the_job_for_ended() -> None:
+    # embarrassingly, a first version joined the thread, and removed the files under the hands of linpred
+    go_on = threading.Event()
+
+    def denoise_file(*, input: int, progress: Callable[[int, int], None]) -> None:
+        go_on.wait(10)
+
+    started = job.Job([job.Task("", {"input": 0})], denoise_file, UserWarning)
+    started.start()
+    threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
+    with pytest.raises(KeyboardInterrupt):
+        started.wait(10)
+    assert not started.wait(0)
+    go_on.set()
+    assert started.wait(10)
+    assert started.outcome.done == 1
 
 
 @pytest.mark.parametrize(

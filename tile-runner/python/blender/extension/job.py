@@ -44,6 +44,8 @@ class Job:
         self._denoise_file = denoise_file
         self._note = note
         self._stop = threading.Event()
+        # waited for in place of the thread: joining one takes it for ended once Ctrl-C has interrupted that (Python before 3.13)
+        self._ended = threading.Event()
         # a daemon: whatever happens, Blender can be left
         self._thread = threading.Thread(target=self._run, name="linpred", daemon=True)
 
@@ -57,10 +59,15 @@ class Job:
 
     def wait(self, seconds: float | None = None) -> bool:
         """Waits for the end, or so many seconds; whether the job has ended."""
-        self._thread.join(seconds)
-        return not self._thread.is_alive()
+        return self._ended.wait(seconds)
 
     def _run(self) -> None:
+        try:
+            self._denoise_all()
+        finally:
+            self._ended.set()
+
+    def _denoise_all(self) -> None:
         for index, task in enumerate(self._tasks):
             if self._stop.is_set():
                 self.outcome.cancelled = True

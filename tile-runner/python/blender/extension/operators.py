@@ -153,6 +153,9 @@ def begin(operator: bpy.types.Operator, context: bpy.types.Context) -> bool:
     except OSError as error:
         operator.report({"ERROR"}, f"The render could not be written: {error}")
         return False
+    except KeyboardInterrupt:
+        operator.report({"ERROR"}, "Cancelled")
+        return False
     current.job.start()
     return True
 
