@@ -52,6 +52,12 @@ impl Options {
     pub fn with_threads(self, threads: NonZeroUsize) -> Self {
         Self { threads, ..self }
     }
+
+    /// Bytes of memory that [`denoise`] takes at most for such an image, beside the source and the sink. It allocates them without asking: a caller that
+    /// takes sizes from elsewhere asks first.
+    pub fn memory(&self, layout: &RowLayout) -> u64 {
+        bytes(layout, self)
+    }
 }
 
 impl Default for Options {
