@@ -233,7 +233,12 @@ fn memory_that_a_run_may_not_take() {
         .fails(LINPRED_ERROR_MEMORY, "the limit is 1.0 MiB");
     host.options(|options| (options.threads, options.memory_limit) = (1, u64::MAX))
         .ok();
-    host.start_rows(&wide)
+    // more than any address space
+    let endless = linpred_layout {
+        width: i32::MAX as usize,
+        ..many
+    };
+    host.start_rows(&endless)
         .fails(LINPRED_ERROR_MEMORY, "the system does not give");
 }
 

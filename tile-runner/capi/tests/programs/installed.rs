@@ -78,18 +78,13 @@ pub(crate) enum Library {
     Static,
 }
 
-/// Builds an example, with every warning an error. `None`, aloud, if there is no such compiler.
-pub(crate) fn build(
-    example: &str,
-    library: Library,
-    flags: &[&str],
-    name: &str,
-) -> Option<PathBuf> {
-    let (compiler, standard) = match example.ends_with(".cpp") {
+/// Builds a source file of the package, with every warning an error. `None`, aloud, if there is no such compiler.
+pub(crate) fn build(source: &str, library: Library, flags: &[&str], name: &str) -> Option<PathBuf> {
+    let (compiler, standard) = match source.ends_with(".cpp") {
         true => ("c++", "-std=c++11"),
         false => ("cc", "-std=c11"),
     };
-    if !is_there(compiler, example) {
+    if !is_there(compiler, source) {
         return None;
     }
     let program = folder(name).join("program");
@@ -105,10 +100,7 @@ pub(crate) fn build(
         "-g",
     ]);
     command.args(flags).arg("-I").arg(include);
-    command
-        .arg(package().join("examples").join(example))
-        .arg("-o")
-        .arg(&program);
+    command.arg(package().join(source)).arg("-o").arg(&program);
     match library {
         Library::Shared => {
             let path = libraries.to_str().unwrap();

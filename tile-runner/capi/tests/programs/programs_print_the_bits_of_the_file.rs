@@ -29,15 +29,15 @@ fn prints_the_bits(example: &str, lines: usize, name: &str) {
 
 #[test]
 fn frame_in_c() {
-    prints_the_bits("frame.c", 1, "frame");
+    prints_the_bits("examples/frame.c", 1, "frame");
 }
 
 #[test]
 fn frame_in_cpp() {
-    prints_the_bits("frame.cpp", 1, "frame-cpp");
+    prints_the_bits("examples/frame.cpp", 1, "frame-cpp");
 }
 
 #[test]
 fn rows_in_c() {
-    prints_the_bits("rows.c", 2, "rows");
+    prints_the_bits("examples/rows.c", 2, "rows");
 }
