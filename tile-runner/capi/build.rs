@@ -6,4 +6,7 @@ fn main() {
     if is("CARGO_CFG_TARGET_OS", "linux") {
         println!("cargo::rustc-cdylib-link-arg=-Wl,-soname,liblinpred_c.so.0");
     }
+    if is("CARGO_CFG_TARGET_OS", "macos") {
+        println!("cargo::rustc-cdylib-link-arg=-Wl,-install_name,@rpath/liblinpred_c.dylib");
+    }
 }

@@ -242,10 +242,6 @@ unsafe fn execute(denoiser: &mut Denoiser) -> Result<(), Failure> {
 /// `denoiser` is NULL, or of linpred_new() and not freed; `name` is NULL or ends with a zero. The pixels can be read,
 /// and nobody else writes them, in every linpred_execute() until the image is set anew or unset.
 #[unsafe(no_mangle)]
-#[expect(
-    clippy::too_many_arguments,
-    reason = "as in OIDN, from which callers come"
-)]
 pub unsafe extern "C" fn linpred_set_image(
     denoiser: *mut linpred_denoiser,
     name: *const c_char,
@@ -296,10 +292,6 @@ pub unsafe extern "C" fn linpred_set_image(
 /// `denoiser` is NULL, or of linpred_new() and not freed; `name` is NULL or ends with a zero. The pixels can be
 /// written, and nobody else uses them, in every linpred_execute() until the output is set anew or unset.
 #[unsafe(no_mangle)]
-#[expect(
-    clippy::too_many_arguments,
-    reason = "as in OIDN, from which callers come"
-)]
 pub unsafe extern "C" fn linpred_set_output(
     denoiser: *mut linpred_denoiser,
     name: *const c_char,

@@ -29,7 +29,7 @@ mod tests {
 
     #[test]
     fn a_panic_becomes_a_code_with_its_words() {
-        let words: [fn(); 3] = [
+        let words: [fn() -> u8; 3] = [
             || panic!("as it is"),
             || panic!("made of {}", 2),
             || std::panic::panic_any(7),

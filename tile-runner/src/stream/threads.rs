@@ -61,3 +61,35 @@ pub(crate) fn pool(threads: NonZeroUsize) -> Result<Threads, Error> {
         _running: running,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    use std::time::Duration;
+
+    use super::*;
+
+    static ENDED: AtomicUsize = AtomicUsize::new(0);
+
+    /// Is dropped by a thread that ends, which takes it a while.
+    struct Ends;
+
+    impl Drop for Ends {
+        fn drop(&mut self) {
+            std::thread::sleep(Duration::from_millis(50));
+            ENDED.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    thread_local! {
+        static ENDS: Ends = const { Ends };
+    }
+
+    #[test]
+    fn threads_have_ended_once_they_are_dropped() {
+        let threads = pool(NonZeroUsize::MIN.saturating_add(2)).unwrap_or_else(|e| panic!("{e}"));
+        threads.broadcast(|_| ENDS.with(|_| {}));
+        drop(threads);
+        assert_eq!(ENDED.load(Ordering::Relaxed), 3);
+    }
+}

@@ -166,7 +166,8 @@ fn options_and_layouts() {
         host.options(|options| options.struct_size = 0),
         "struct_size of a linpred_options is 0",
     );
-    let layouts: [(fn(&mut linpred_layout), &str); 8] = [
+    type Change = fn(&mut linpred_layout);
+    let layouts: [(Change, &str); 8] = [
         (|layout| layout.width = 0, "0 x 30 pixels are no image"),
         (|layout| layout.height = usize::MAX, "pixels are no image"),
         (

@@ -24,7 +24,8 @@ pub(crate) fn folder(name: &str) -> PathBuf {
 
 /// Says that a test could not be made. Not eprintln: the harness would hide it.
 pub(crate) fn say(what: &str) {
-    writeln!(std::io::stderr(), "{what}").unwrap();
+    let mut stderr = std::io::stderr();
+    writeln!(stderr, "{what}").unwrap();
 }
 
 /// Whether there is such a program; says so if there is not.
