@@ -1,4 +1,5 @@
-//! What the C interface takes beside the library: a megapixel denoised in turns through either, and the ratio of each pair.
+//! What the C interface takes beside the library: a megapixel denoised in turns through either, the ratio of each pair, and that of the shortest times,
+//! which a busy machine disturbs least.
 //!
 //!     cargo run --release -p linpred-capi --example overhead
 
@@ -17,7 +18,7 @@ use linpred_c::linpred_status::LINPRED_OK;
 use linpred_c::*;
 
 const SIDE: usize = 1024;
-const PAIRS: usize = 5;
+const PAIRS: usize = 15;
 
 /// Rows that are there.
 struct Rows {
@@ -44,15 +45,22 @@ fn main() -> Result<(), Box<dyn Error>> {
         .map(|(seed, numbers)| image(seed, numbers))
         .collect();
     let mut ratios = Vec::new();
+    let mut shortest = [Duration::MAX; 2];
     for _ in 0..PAIRS {
         let own = library(&images)?;
         let through_c = c_interface(&names, &images)?;
         let ratio = through_c.as_secs_f64() / own.as_secs_f64();
         println!("library {own:.2?}, C {through_c:.2?}, ratio {ratio:.3}");
         ratios.push(ratio);
+        shortest = [shortest[0].min(own), shortest[1].min(through_c)];
     }
     ratios.sort_by(f64::total_cmp);
-    println!("median {:.3}", ratios[PAIRS / 2]);
+    let [own, through_c] = shortest.map(|time| time.as_secs_f64());
+    println!(
+        "median {:.3}, shortest {:.3}",
+        ratios[PAIRS / 2],
+        through_c / own
+    );
     Ok(())
 }
 

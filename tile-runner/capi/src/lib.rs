@@ -7,8 +7,8 @@
 //! - `row`, `steps`, `run_rows`: row by row, in the caller's loop or by its functions.
 //! - `file`: EXR files.
 //!
-//! No other crate of this workspace has unsafe code. Here it is of four kinds, and each block says why it is sound: handles and structs that C hands over
-//! (`handle`, `versioned`, `text`), pixels behind its pointers (`raw_image`), its functions (`progress`, `run_rows`), and rows lent to it (`row`).
+//! What is unsafe at the border to C is here, of four kinds, and each block says why it is sound: handles, structs and strings that C hands over (`handle`,
+//! `versioned`, `text`), pixels behind its pointers (`raw_image`), its functions (`progress`, `run_rows`), and rows lent to it (`row`).
 #![allow(
     non_camel_case_types,
     reason = "types that C sees are named as C sees them"
