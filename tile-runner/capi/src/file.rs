@@ -110,26 +110,24 @@ fn denoise(denoiser: &mut Denoiser, request: &Request) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Runs the job in another thread, since it tells of its progress in any, and the caller's function is to be called
-/// in the caller's.
+/// Runs the job in another thread, since it tells of its progress in any, and the caller's function is to be called in the caller's. The job waits for
+/// what that says: however small the image, a stop comes before the next row.
 fn run(denoiser: &Denoiser, pictures: &[Input], request: &Request) -> Result<Summary, Failure> {
     let height = pictures.first().map_or(0, Input::height);
     let stop = Arc::new(AtomicBool::new(false));
     let (sender, rows) = channel();
+    let (seen, was_seen) = channel();
     std::thread::scope(|scope| {
         let to_stop = &stop;
         let job = move || {
-            let mut progress = |rows| {
+            let mut progress = move |rows| {
                 // after a stop nobody listens
-                let _ = sender.send(rows);
+                if sender.send(rows).is_ok() {
+                    let _ = was_seen.recv();
+                }
             };
-            job::denoise(
-                pictures,
-                &request.output,
-                &request.options,
-                to_stop,
-                &mut progress,
-            )
+            let (output, options) = (&request.output, &request.options);
+            job::denoise(pictures, output, options, to_stop, &mut progress)
         };
         let job = std::thread::Builder::new()
             .spawn_scoped(scope, job)
@@ -142,7 +140,10 @@ fn run(denoiser: &Denoiser, pictures: &[Input], request: &Request) -> Result<Sum
                 stop.store(true, Ordering::Relaxed);
                 break;
             }
+            // a job that has ended says how below
+            let _ = seen.send(());
         }
+        drop(seen);
         match job.join() {
             Ok(result) => Ok(result?),
             Err(panic) => std::panic::resume_unwind(panic),

@@ -208,3 +208,25 @@ fn what_is_wrong_with_files() {
         (LINPRED_ERROR_ARGUMENT, "input is NULL")
     );
 }
+
+unsafe extern "C" fn stops_at_the_last_row(_user: *mut c_void, rows: usize, of: usize) -> bool {
+    rows < of
+}
+
+#[test]
+fn a_stop_holds_even_at_the_last_row() {
+    let folder = tempfile::tempdir().unwrap();
+    let (noisy, clean) = (
+        folder.path().join("noisy.exr"),
+        folder.path().join("clean.exr"),
+    );
+    write_noise(&noisy);
+    let host = Host::new();
+    host.progress(Some(stops_at_the_last_row), null_mut()).ok();
+    for _ in 0..20 {
+        // an early version of the interface told the caller's function while the job went on, and small files were written in spite of it
+        let status = denoise(&host, &noisy, &clean, null());
+        assert_eq!(status, LINPRED_ERROR_CANCELLED);
+        assert!(!clean.exists());
+    }
+}
