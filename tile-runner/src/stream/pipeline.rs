@@ -16,7 +16,6 @@ use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
 use linpred_core::{CELL, Formulas, HALO, Params};
-use rayon::ThreadPool;
 use rayon::prelude::*;
 
 use crate::error::Error;
@@ -28,7 +27,7 @@ use crate::stream::report::{Counts, Report};
 use crate::stream::resolved_row::{ResolvedRow, rows_per_thread};
 use crate::stream::row_of_cells::CellBenches;
 use crate::stream::sum_rows::SumRows;
-use crate::stream::threads::{pool, stack_bytes};
+use crate::stream::threads::{Threads, pool, stack_bytes};
 
 /// How to run: what to compute, and on how many threads.
 #[derive(Clone, Copy, Debug)]
@@ -52,6 +51,12 @@ impl Options {
     /// Computes on this many threads.
     pub fn with_threads(self, threads: NonZeroUsize) -> Self {
         Self { threads, ..self }
+    }
+
+    /// Bytes of memory that [`denoise`] takes at most for such an image, beside the source and the sink. It allocates them without asking: a caller that
+    /// takes sizes from elsewhere asks first.
+    pub fn memory(&self, layout: &RowLayout) -> u64 {
+        bytes(layout, self)
     }
 }
 
@@ -181,7 +186,7 @@ impl Pipeline {
     /// Blends the rows before `end`, and writes those that can be finished then.
     fn write(
         &mut self,
-        pool: &ThreadPool,
+        pool: &Threads,
         sink: &mut dyn RowSink,
         row: usize,
         end: usize,
@@ -229,7 +234,7 @@ impl Pipeline {
     /// Finishes and writes the rows that are left once all are blended.
     fn write_rest(
         &mut self,
-        pool: &ThreadPool,
+        pool: &Threads,
         sink: &mut dyn RowSink,
         progress: &mut dyn FnMut(usize) -> ControlFlow<()>,
     ) -> Result<(), Error> {

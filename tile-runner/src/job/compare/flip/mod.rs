@@ -16,11 +16,11 @@ mod exposures;
 mod filters;
 mod tile;
 
-use rayon::ThreadPool;
 use rayon::prelude::*;
 
 use crate::geometry::{ImageSize, plane_bytes};
 use crate::stream::row_ring::RowRing;
+use crate::stream::threads::Threads;
 
 use super::images::ColourRow;
 pub(super) use exposures::Exposures;
@@ -43,7 +43,7 @@ pub(super) struct Flip {
     size: ImageSize,
     /// None for a reference that is black.
     metric: Option<Metric>,
-    threads: ThreadPool,
+    threads: Threads,
     rows: RowRing<Row>,
     /// The first row that is not measured yet, a multiple of [`HEIGHT`].
     next: usize,
@@ -63,7 +63,7 @@ impl Flip {
         size: ImageSize,
         exposures: Option<Exposures>,
         tests: usize,
-        threads: ThreadPool,
+        threads: Threads,
     ) -> Self {
         Self {
             size,
