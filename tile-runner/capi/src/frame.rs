@@ -3,10 +3,10 @@
 use std::ffi::{c_char, c_void};
 
 use linpred::image::Frame;
+use linpred::job::check_memory;
 use linpred::{Feature, OutputRow, RowSource};
 
 use crate::handle::{Denoiser, call, linpred_denoiser};
-use crate::memory;
 use crate::names::{Input, Output};
 use crate::raw_image::{Place, RawImage};
 use crate::report::Done;
@@ -213,7 +213,11 @@ unsafe fn execute(denoiser: &mut Denoiser) -> Result<(), Failure> {
     let mut frame = denoiser.images.frame()?;
     let mut targets = denoiser.images.targets()?;
     let layout = frame.layout();
-    memory::check(&layout, &denoiser.settings)?;
+    check_memory(
+        &layout,
+        &denoiser.settings.options,
+        denoiser.settings.memory_limit,
+    )?;
     let (options, progress) = (denoiser.settings.options, denoiser.progress);
     let mut sink = |y: usize, row: &OutputRow| {
         // SAFETY: the caller's promise

@@ -19,7 +19,6 @@ mod version;
 
 mod guard;
 mod handle;
-mod memory;
 mod text;
 mod versioned;
 

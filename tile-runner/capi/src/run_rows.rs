@@ -2,10 +2,10 @@
 
 use std::ffi::c_void;
 
+use linpred::job::check_memory;
 use linpred::{Error, InputRow, OutputRow, RowLayout, RowSource};
 
 use crate::handle::{Denoiser, call, linpred_denoiser};
-use crate::memory;
 use crate::report::Done;
 use crate::row::{LentInput, LentOutput, linpred_input_row, linpred_layout, linpred_output_row};
 use crate::status::{CallbackFailed, Failure, linpred_status};
@@ -94,7 +94,11 @@ unsafe fn run(
     let layout = unsafe { versioned::read(layout) }?.layout()?;
     // SAFETY: the caller's promise
     let functions = unsafe { versioned::read(functions) }?;
-    memory::check(&layout, &denoiser.settings)?;
+    check_memory(
+        &layout,
+        &denoiser.settings.options,
+        denoiser.settings.memory_limit,
+    )?;
     let user = functions.user;
     let mut source = Source {
         layout,

@@ -2,10 +2,10 @@
 
 use std::ptr::null;
 
+use linpred::job::check_memory;
 use linpred::steps::{Step, Steps};
 
 use crate::handle::{Denoiser, call, linpred_denoiser};
-use crate::memory;
 use crate::report::Done;
 use crate::row::{LentInput, LentOutput, linpred_input_row, linpred_layout, linpred_output_row};
 use crate::status::{Failure, linpred_status};
@@ -89,7 +89,11 @@ unsafe fn start(denoiser: &mut Denoiser, layout: *const linpred_layout) -> Resul
     denoiser.check_idle()?;
     // SAFETY: the caller's promise
     let layout = unsafe { versioned::read(layout) }?.layout()?;
-    memory::check(&layout, &denoiser.settings)?;
+    check_memory(
+        &layout,
+        &denoiser.settings.options,
+        denoiser.settings.memory_limit,
+    )?;
     denoiser.stepping = Some(Box::new(Stepping {
         steps: Steps::start(layout, denoiser.settings.options)?,
         input: LentInput::new(),

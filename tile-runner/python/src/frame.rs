@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 use std::sync::atomic::Ordering;
 
 use linpred::image::Frame;
+use linpred::job::check_memory;
 use linpred::{Error, Feature, OutputRow, RowLayout, RowSource};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
@@ -170,6 +171,8 @@ pub(crate) fn denoise<'py>(
     let mut frame = frame(&planes).map_err(raise)?;
     let layout = frame.layout();
     let size = [layout.size.height(), layout.size.width()];
+    // the output is taken as asked for, what the run takes is limited only by what there is
+    check_memory(&layout, &options, u64::MAX).map_err(raise)?;
     let (denoised, report) = watched(py, size[0], progress.as_ref(), move |stop, tell| {
         let no_room = || Error::Budget("there is no memory for the output".into());
         let pixels = size[0].checked_mul(size[1]).ok_or_else(no_room)?;

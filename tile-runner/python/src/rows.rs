@@ -2,6 +2,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use linpred::job::check_memory;
 use linpred::steps::{Step, Steps};
 use linpred::{Error, InputRow, Options, Report, RowLayout, RowSource};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
@@ -94,6 +95,7 @@ impl Rows {
         if let Run::Start = run {
             let row = self.row(py, 0)?;
             let layout = layout(&planes(row.bind(py))?, self.height)?;
+            check_memory(&layout, &self.options, u64::MAX).map_err(raise)?;
             let steps = Steps::start(layout, self.options).map_err(raise)?;
             *run = Run::Rows(Box::new(steps));
             first = Some(row);

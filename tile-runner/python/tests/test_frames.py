@@ -193,6 +193,13 @@ def test_what_is_no_float_is_refused_with_its_type(dtype: str) -> None:
         linpred.denoise(NONE, albedo=NONE.astype(dtype))
 
 
+def test_a_frame_that_no_memory_holds_is_refused() -> None:
+    # one pixel, seen as many times
+    wide = np.broadcast_to(np.zeros((1, 1, 3), np.float32), (1, 2**31 - 1, 3))
+    with pytest.raises(MemoryError, match="^the system does not give .* of memory"):
+        linpred.denoise(wide)
+
+
 def test_progress_is_told_on_this_thread_and_ends_at_the_last_row() -> None:
     told = []
     linpred.denoise(**small(70, 30), progress=lambda done, of_all: told.append((done, of_all, threading.get_ident())))

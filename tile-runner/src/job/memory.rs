@@ -3,6 +3,8 @@
 use std::fmt;
 
 use crate::error::{Error, Mebibytes};
+use crate::row::RowLayout;
+use crate::stream::pipeline::{self, Options};
 
 /// What a run may use when nothing else is said: what a render node has to spare.
 pub const DEFAULT_MEMORY_LIMIT: u64 = 2 << 30;
@@ -46,6 +48,20 @@ impl MemoryPlan {
             most,
         })
     }
+}
+
+/// Asks for what [`denoise`](crate::denoise) takes of memory for such an image, beside the source and the sink, before it takes it: an allocation that fails ends the process.
+///
+/// [`Error::OverLimit`] if it is more than `limit` bytes, [`Error::Budget`] if the system does not give it.
+pub fn check_memory(layout: &RowLayout, options: &Options, limit: u64) -> Result<(), Error> {
+    let mut plan = MemoryPlan::default();
+    let (width, threads) = (layout.size.width(), options.threads);
+    plan.add(
+        format!("rows of {width} pixels on {threads} threads"),
+        pipeline::bytes(layout, options),
+    );
+    plan.check(limit)?;
+    check_available(&plan, threads.get())
 }
 
 /// Address space of a thread's stack: what the standard library asks for.

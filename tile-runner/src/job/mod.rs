@@ -38,7 +38,7 @@ pub use compare::{
 pub use denoise::{Summary, denoise, rows_to_write};
 pub use input::{Input, InputRequest, Wrap, notes_on_output};
 pub use inspect::{Inspection, PartInfo, RoleInfo, describe, inspect, inspect_with, survey};
-pub use memory::{DEFAULT_MEMORY_LIMIT, MemoryPlan};
+pub use memory::{DEFAULT_MEMORY_LIMIT, MemoryPlan, check_memory};
 pub use options::JobOptions;
 pub use output_name::check_output_name;
 pub use plan::{Schedule, plan};

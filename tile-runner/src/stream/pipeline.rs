@@ -52,12 +52,6 @@ impl Options {
     pub fn with_threads(self, threads: NonZeroUsize) -> Self {
         Self { threads, ..self }
     }
-
-    /// Bytes of memory that [`denoise`] takes at most for such an image, beside the source and the sink. It allocates them without asking: a caller that
-    /// takes sizes from elsewhere asks first.
-    pub fn memory(&self, layout: &RowLayout) -> u64 {
-        bytes(layout, self)
-    }
 }
 
 impl Default for Options {
@@ -97,7 +91,7 @@ fn batch(layout: &RowLayout, threads: NonZeroUsize) -> usize {
 }
 
 /// Denoises every row of `source` into `sink`. `progress` is told how many rows have been written after each; when it
-/// breaks, the run ends with [`Error::Cancelled`].
+/// breaks, the run ends with [`Error::Cancelled`]. Memory is taken without asking: [`check_memory`](crate::job::check_memory) asks.
 pub fn denoise(
     source: &mut dyn RowSource,
     sink: &mut dyn RowSink,
