@@ -134,7 +134,7 @@ pub unsafe extern "C" fn linpred_start_rows(
 }
 
 /// Goes on to the next step: a row that was wanted is taken now, as it was filled. Rows are wanted from top to
-/// bottom, each once, and come out so some 60 rows later. The run ends with LINPRED_STEP_DONE, or with a failure.
+/// bottom, each once, and come out so some 90 rows later. The run ends with LINPRED_STEP_DONE, or with a failure.
 ///
 /// # Safety
 /// `denoiser` is NULL, or of linpred_new() and not freed; `step` is NULL or can be written over its size. Nothing is

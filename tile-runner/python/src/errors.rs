@@ -15,6 +15,13 @@ create_exception!(
     "A file cannot be denoised as asked for: it is damaged, of a kind that is not handled, or lacks something."
 );
 
+create_exception!(
+    linpred,
+    Busy,
+    PyRuntimeError,
+    "Rows are asked for while they are already."
+);
+
 /// An error with its causes, in the words of this package's arguments.
 pub(crate) fn in_words(error: &Error) -> String {
     let mut words = match error {
@@ -47,13 +54,18 @@ fn advice(remedy: Remedy) -> &'static str {
 pub(crate) fn raise(error: Error) -> PyErr {
     let words = in_words(&error);
     match error {
-        Error::Usage(_) | Error::Setting { .. } => PyValueError::new_err(words),
-        Error::Unsupported(_) | Error::Invalid(_) | Error::Incomplete { .. } => {
-            InputError::new_err(words)
-        }
+        Error::Usage(_) => PyValueError::new_err(words),
+        // a setting does not suit what the file holds
+        Error::Setting { .. }
+        | Error::Unsupported(_)
+        | Error::Invalid(_)
+        | Error::Incomplete { .. } => InputError::new_err(words),
         Error::Read { source, .. } | Error::Write { source, .. } => match source.raw_os_error() {
             // Python picks FileNotFoundError and the like by the number
-            Some(number) => PyOSError::new_err((number, words)),
+            Some(number) => {
+                let twice = format!(" (os error {number})");
+                PyOSError::new_err((number, words.replace(&twice, "")))
+            }
             None => PyOSError::new_err(words),
         },
         Error::Budget(_) | Error::OverLimit { .. } => PyMemoryError::new_err(words),

@@ -129,13 +129,24 @@ pub(crate) fn frames(
     Ok(frames.map(|frames| frames.into_iter().map(tuple).collect()))
 }
 
-/// Denoises a file into another: the fields of the package's `FileReport`.
+/// Refuses what makes no sense whatever a file holds.
+#[pyfunction]
+pub(crate) fn check(reading: Reading, writing: Writing, computing: Computing) -> PyResult<()> {
+    let request = reading.request()?;
+    job::check_output_name(&writing.output).map_err(raise)?;
+    writing
+        .options(&computing, request.memory_limit)
+        .map(|_| ())
+}
+
+/// Denoises a file into another: the fields of the package's `FileReport`. Warnings are given to `warn` before it begins.
 #[pyfunction]
 pub(crate) fn denoise_file<'py>(
     py: Python<'py>,
     reading: Reading,
     writing: Writing,
     computing: Computing,
+    warn: &Bound<'py, PyAny>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let request = reading.request()?;
@@ -156,6 +167,9 @@ pub(crate) fn denoise_file<'py>(
         warnings.extend(labelled(&picture.roles.warnings));
     }
     warnings.extend(job::notes_on_output(&pictures, options.extra).map_err(raise)?);
+    for warning in &warnings {
+        warn.call1((warning,))?;
+    }
     let output = &writing.output;
     let done = watched(py, rows, progress.as_ref(), |stop, tell| {
         job::denoise(&pictures, output, &options, stop, tell)

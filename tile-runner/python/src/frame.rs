@@ -171,12 +171,12 @@ pub(crate) fn denoise<'py>(
     let mut frame = frame(&planes).map_err(raise)?;
     let layout = frame.layout();
     let size = [layout.size.height(), layout.size.width()];
-    // the output is taken as asked for, what the run takes is limited only by what there is
-    check_memory(&layout, &options, u64::MAX).map_err(raise)?;
     let (denoised, report) = watched(py, size[0], progress.as_ref(), move |stop, tell| {
         let no_room = || Error::Budget("there is no memory for the output".into());
         let pixels = size[0].checked_mul(size[1]).ok_or_else(no_room)?;
         let mut output = Output::with_room(&layout, pixels).ok_or_else(no_room)?;
+        // what the caller wants is not limited but by what there is, beside the output
+        check_memory(&layout, &options, u64::MAX)?;
         let mut keep = |_: usize, row: &OutputRow| {
             output.push(row);
             Ok(())

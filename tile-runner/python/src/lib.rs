@@ -16,9 +16,9 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _linpred {
     #[pymodule_export]
-    use super::errors::InputError;
+    use super::errors::{Busy, InputError};
     #[pymodule_export]
-    use super::files::{compare, denoise_file, frames, inspect, main, plan, stitch};
+    use super::files::{check, compare, denoise_file, frames, inspect, main, plan, stitch};
     #[pymodule_export]
     use super::frame::denoise;
     #[pymodule_export]

@@ -5,11 +5,11 @@ use std::sync::{Mutex, PoisonError};
 use linpred::job::check_memory;
 use linpred::steps::{Step, Steps};
 use linpred::{Error, InputRow, Options, Report, RowLayout, RowSource};
-use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::errors::raise;
+use crate::errors::{Busy, raise};
 use crate::frame::{Output, frame, layout, planes};
 use crate::options::Computing;
 use crate::report;
@@ -59,7 +59,7 @@ impl Rows {
         let (py, this) = (slf.py(), slf.get());
         let mut run = this.run.try_lock().or_else(|error| match error {
             std::sync::TryLockError::Poisoned(poisoned) => Ok(PoisonError::into_inner(poisoned)),
-            std::sync::TryLockError::WouldBlock => Err(PyRuntimeError::new_err(
+            std::sync::TryLockError::WouldBlock => Err(Busy::new_err(
                 "another thread, or the source of the rows itself, waits for a row",
             )),
         })?;
@@ -76,7 +76,10 @@ impl Rows {
 
     /// What the run counted; `None` before its end.
     fn report<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let run = self.run.lock().unwrap_or_else(PoisonError::into_inner);
+        // who holds it waits for a row: that is before the end
+        let Ok(run) = self.run.try_lock() else {
+            return Ok(None);
+        };
         match &*run {
             Run::Done(report) => report::fields(py, report).map(Some),
             _ => Ok(None),

@@ -27,13 +27,15 @@ pub(crate) fn watched<T: Send>(
 ) -> PyResult<T> {
     let stop = &Arc::new(AtomicBool::new(false));
     let look = |done: Option<usize>| {
-        Python::attach(|py| -> PyResult<()> {
+        let attached = Python::try_attach(|py| -> PyResult<()> {
             py.check_signals()?;
             if let (Some(done), Some(progress)) = (done, progress) {
                 progress.call1(py, (done, rows))?;
             }
             Ok(())
-        })
+        });
+        // an interpreter that is shutting down runs nothing more
+        attached.unwrap_or_else(|| Err(raise(Error::Cancelled)))
     };
     py.detach(|| {
         std::thread::scope(|scope| {

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import pickle
 import subprocess
 import sys
 import warnings
@@ -113,6 +115,51 @@ def test_a_sequence_is_denoised_frame_by_frame(tmp_path: Path) -> None:
     reports = linpred.denoise_file(*names, frames=range(2, 5, 2), skip_existing=True)
     assert isinstance(reports, list)
     assert [(report.frame, report.skipped) for report in reports] == [(2, True), (4, True)]
+
+
+def test_frames_that_are_skipped_count_as_done(tmp_path: Path) -> None:
+    for n in (1, 2, 3):
+        small_file(tmp_path / f"shot.{n}.exr", n)
+    names = tmp_path / "shot.#.exr", tmp_path / "clean.#.exr"
+    linpred.denoise_file(*names, frames="1,3")
+    for existing in ("13", "123"):
+        told: list[tuple[int, int]] = []
+        reports = linpred.denoise_file(*names, skip_existing=True, progress=lambda *rows: told.append(rows))
+        assert [str(report.frame) for report in reports if report.skipped] == list(existing)
+        assert told[-1][0] == told[-1][1]
+
+
+def test_options_that_make_no_sense_are_no_fault_of_a_frame(tmp_path: Path) -> None:
+    small_file(tmp_path / "shot.1.exr")
+    names = tmp_path / "shot.#.exr", tmp_path / "clean.#.exr"
+    for option in (dict(quality="best"), dict(threads=0), dict(band="9"), dict(wrap="y"), dict(max_memory="much")):
+        with pytest.raises(ValueError) as refused:
+            linpred.denoise_file(*names, skip_existing=True, **option)
+        assert not isinstance(refused.value, linpred.InputError)
+    for option in (dict(spp="16"), dict(error_layer=1), dict(band=(1, 2)), dict(map="colour=R"), dict(max_memory=2e9), dict(frames=5)):
+        with pytest.raises(TypeError, match=f"^{next(iter(option))}: "):
+            linpred.denoise_file(*names, **option)
+    with pytest.raises(ValueError, match="^frames: -1 is no frame number"):
+        linpred.denoise_file(*names, frames=[-1])
+    with pytest.raises(TypeError, match="^bands: .* is one path"):
+        linpred.stitch("band.exr", tmp_path / "whole.exr")
+    plan = linpred.plan(names[0])
+    assert plan == linpred.plan(os.fsencode(tmp_path / "shot.1.exr"))
+
+
+def test_a_sequence_error_can_be_passed_to_another_process() -> None:
+    error = linpred.SequenceError({1: ValueError("x")}, [])
+    again = pickle.loads(pickle.dumps(error))
+    assert str(again) == str(error) == "1 of 1 frames failed; frame 1: x"
+    assert list(again.failures) == [1]
+
+
+def test_a_warning_that_is_made_an_error_comes_before_anything_is_written(clean: Path, tmp_path: Path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(linpred.InputWarning):
+            linpred.denoise_file(clean, tmp_path / "again.exr", quality="fast")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_frame_that_fails_does_not_stop_the_others(tmp_path: Path) -> None:

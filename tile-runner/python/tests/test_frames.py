@@ -168,7 +168,7 @@ WRONG = {
     "depth: shape (24, 30, 3), but it is (height, width)": dict(colour=NONE, depth=NONE),
     "layers['glow']: shape (24, 30), but it is (height, width, 3)": dict(colour=NONE, layers={"glow": NONE[..., 0]}),
     "variance and halves both say what the noise is: give one of them": dict(colour=NONE, variance=NONE, halves=(NONE, NONE)),
-    "halves: 1 arrays, not 2": dict(colour=NONE, halves=(NONE,)),
+    "halves: it is a pair of arrays, the means of either half of the samples": dict(colour=NONE, halves=(NONE,)),
     "features: 'roughness' is none that this version knows: normal, albedo, depth": dict(colour=NONE, features={"roughness": NONE}),
     "normal is given twice: as an argument and in features": dict(colour=NONE, normal=NONE, features={"normal": NONE}),
     "depth_variance is given without depth": dict(colour=NONE, depth_variance=NONE[..., 0]),
@@ -177,7 +177,26 @@ WRONG = {
     "coverage 0: it is 1 to 1024 models": dict(colour=NONE, coverage=0),
     "coverage 70000: it is 1 to 1024 models": dict(colour=NONE, coverage=70000),
     "threads 0: it is 1 or more": dict(colour=NONE, threads=0),
+    "coverage 2147483647: it is 1 to 1024 models": dict(colour=NONE, coverage=2**70),
 }
+
+OF_ANOTHER_TYPE = {
+    "quality: None is of type NoneType; it is a string": dict(quality=None),
+    "threads: '2' is of type str; it is a whole number": dict(threads="2"),
+    "coverage: 3.5 is of type float; it is a whole number": dict(coverage=3.5),
+    "layers: [1] is of type list; it is a mapping, such as a dictionary": dict(layers=[1]),
+    "layers: name: 1 is of type int; it is a string": dict(layers={1: NONE}),
+    "layers['a']: None is no array": dict(layers={"a": None}),
+    "features: 'albedo' is of type str; it is a mapping, such as a dictionary": dict(features="albedo"),
+    "albedo: dtype object, but it is float16, float32 or float64, as linear radiance is": dict(albedo=object()),
+}
+
+
+@pytest.mark.parametrize("sentence", OF_ANOTHER_TYPE)
+def test_what_is_of_another_type_is_refused_by_its_name(sentence: str) -> None:
+    with pytest.raises(TypeError) as refused:
+        linpred.denoise(NONE, **OF_ANOTHER_TYPE[sentence])
+    assert str(refused.value) == sentence
 
 
 @pytest.mark.parametrize("sentence", WRONG)
@@ -196,8 +215,10 @@ def test_what_is_no_float_is_refused_with_its_type(dtype: str) -> None:
 def test_a_frame_that_no_memory_holds_is_refused() -> None:
     # one pixel, seen as many times
     wide = np.broadcast_to(np.zeros((1, 1, 3), np.float32), (1, 2**31 - 1, 3))
-    with pytest.raises(MemoryError, match="^the system does not give .* of memory"):
+    with pytest.raises(MemoryError, match="^there is no memory for the output$"):
         linpred.denoise(wide)
+    with pytest.raises(MemoryError, match="^the system does not give .* of memory"):
+        next(linpred.denoise_rows([{"colour": wide[0]}], 1))
 
 
 def test_progress_is_told_on_this_thread_and_ends_at_the_last_row() -> None:
@@ -259,6 +280,20 @@ def test_ctrl_c_stops_a_run_that_tells_nothing() -> None:
             pass
         process.send_signal(signal.SIGINT)
         assert process.stdout.read() == "interrupted\n"
+
+
+DAEMON = """
+import threading, time
+import numpy, linpred
+noisy, begun = numpy.ones((300, 300, 3), "f4"), threading.Event()
+threading.Thread(target=lambda: linpred.denoise(noisy, progress=lambda *_: begun.set()), daemon=True).start()
+begun.wait()
+"""
+
+
+def test_an_interpreter_ends_while_a_daemon_denoises() -> None:
+    runs = [subprocess.Popen([sys.executable, "-c", DAEMON]) for _ in range(6)]
+    assert [run.wait() for run in runs] == [0] * 6
 
 
 def test_other_threads_run_meanwhile() -> None:

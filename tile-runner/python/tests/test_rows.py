@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any, Iterator
 
 import numpy as np
@@ -89,7 +90,7 @@ def test_rows_that_make_no_sense_are_refused_with_a_sentence(sentence: str) -> N
 def test_an_unknown_name_is_refused() -> None:
     with pytest.raises(ValueError, match="^row: 'color' is none of albedo, "):
         rows_of({"color": ROW["colour"]})
-    with pytest.raises(ValueError, match="^height 0: there are no rows"):
+    with pytest.raises(ValueError, match="^height 0: it is 1 to "):
         linpred.denoise_rows(iter([ROW]), 0)
 
 
@@ -106,6 +107,62 @@ def test_what_the_source_raises_comes_out_and_ends_the_run() -> None:
         next(rows)
     assert list(rows) == []
     assert rows.report is None
+
+
+def test_layers_are_told_apart_by_their_names() -> None:
+    bright = noise(3, 30)
+    both = [{"a": bright[y], "b": 0 * bright[y]} for y in range(3)]
+    both[1] = dict(reversed(both[1].items()))
+    for row in rows_of(*({"colour": bright[y], "layers": both[y]} for y in range(3))):
+        assert row.layers["a"].max() > 0 == row.layers["b"].max()
+    with pytest.raises(ValueError, match="^row 1 has other arrays than row 0$"):
+        rows_of(*({"colour": bright[y], "layers": {str(y): bright[y]}} for y in range(3)))
+
+
+class Watched:
+    """A source that tells when it is closed."""
+
+    def __init__(self) -> None:
+        self.closed = 0
+
+    def __call__(self, count: int) -> Iterator[dict[str, Any]]:
+        try:
+            for y in range(count):
+                yield {"colour": noise(1, 8, y)[0]}
+        finally:
+            self.closed += 1
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/task"), reason="NOT TESTED: no /proc tells how many threads there are")
+def test_rows_that_are_dropped_leave_no_thread_and_close_their_source() -> None:
+    def threads() -> int:
+        return len(os.listdir("/proc/self/task"))
+
+    source, before = Watched(), threads()
+    for _ in range(40):
+        next(linpred.denoise_rows(source(200), 200))
+    for _ in range(40):
+        with linpred.denoise_rows(source(200), 200) as rows:
+            next(rows)
+        assert list(rows) == []
+    for _ in range(40):
+        list(linpred.denoise_rows(source(20), 20))
+    assert source.closed == 120
+    assert threads() <= before
+
+
+def test_the_report_of_a_run_at_work_is_none() -> None:
+    told = []
+
+    def source() -> Iterator[dict[str, Any]]:
+        for y in range(3):
+            told.append(rows.report)
+            yield ROW
+
+    rows = linpred.denoise_rows(source(), 3)
+    list(rows)
+    assert told == [None] * 3
+    assert rows.report.pixels == 90
 
 
 def test_a_source_that_asks_for_its_own_rows_is_told() -> None:

@@ -21,7 +21,7 @@
 //! ```
 //!
 //! The pipeline runs on a thread of its own, and waits there as long as the caller takes for a row. Rows are wanted from top to bottom, each once, and come out so
-//! some 60 rows later; no more rows are in memory than in any other run, and which come when says nothing of the bits.
+//! some 90 rows later; no more rows are in memory than in any other run, and which come when says nothing of the bits.
 
 use std::ops::ControlFlow;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};

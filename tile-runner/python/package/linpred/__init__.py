@@ -27,11 +27,12 @@ from linpred._files import (
     plan,
     stitch,
 )
-from linpred._frames import Denoised, Report, Rows, denoise, denoise_rows
+from linpred._frames import Denoised, DenoisedRow, Report, Rows, denoise, denoise_rows
 from linpred._linpred import VERSION as __version__
 
 __all__ = [
     "Denoised",
+    "DenoisedRow",
     "FileReport",
     "InputError",
     "InputWarning",

@@ -25,8 +25,12 @@ class SequenceError(InputError):
     """What was done with the other frames."""
 
     def __init__(self, failures: dict[int, Exception], reports: list[FileReport]) -> None:
-        frames = len(failures) + len(reports)
-        first = next(iter(failures))
-        super().__init__(f"{len(failures)} of {frames} frames failed; frame {first}: {failures[first]}")
+        # what pickle and copy make another of; the words are in __str__
+        super().__init__(failures, reports)
         self.failures = failures
         self.reports = reports
+
+    def __str__(self) -> str:
+        failures = self.failures
+        frames, first = len(failures) + len(self.reports), next(iter(failures))
+        return f"{len(failures)} of {frames} frames failed; frame {first}: {failures[first]}"

@@ -6,50 +6,55 @@ import json
 import os
 import warnings as python_warnings
 from dataclasses import dataclass
-from typing import Any, Callable, Iterable, Mapping, Union
+from typing import Any, Callable, Iterable, Mapping
 
 from linpred import _linpred
 from linpred._errors import InputWarning, SequenceError
-from linpred._frames import Report, _computing
+from linpred._frames import Report
+from linpred._options import Path, computing, entries, flag, path_or_none, reading, size, whole, whole_or_none, writing
+from linpred._options import path as as_path
 from linpred._progress import Progress, as_function
-
-Path = Union[str, "os.PathLike[str]"]
-
 
 @dataclass(frozen=True)
 class FileReport:
-    """What was done with a file."""
+    """What was done with a file.
+
+    Attributes:
+        input: The noisy file.
+        output: The denoised file.
+        frame: Its number in a sequence; None for a single image.
+        skipped: Whether it was left alone because the output was there.
+        pictures: What the run of each picture did: most files have one, a view or a view layer is a picture of its own.
+        notes: What there is to know about the file.
+        warnings: What is not as it should be; also raised as :class:`InputWarning`.
+        clamped: Samples that half precision cannot hold, clamped to its largest value.
+        layers_off: Pixels whose layers do not sum to the colour in the input, so they cannot in the output.
+    """
 
     input: str
-    """The noisy file."""
     output: str
-    """The denoised file."""
     frame: int | None
-    """Its number in a sequence; None for a single image."""
     skipped: bool
-    """Whether it was left alone because the output was there."""
     pictures: tuple[Report, ...] = ()
-    """What the run of each picture did: most files have one, a view or a view layer is a picture of its own."""
     notes: tuple[str, ...] = ()
-    """What there is to know about the file."""
     warnings: tuple[str, ...] = ()
-    """What is not as it should be; also raised as :class:`InputWarning`."""
     clamped: int = 0
-    """Samples that half precision cannot hold, clamped to its largest value."""
     layers_off: int = 0
-    """Pixels whose layers do not sum to the colour in the input, so they cannot in the output."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How a file would be denoised."""
+    """How a file would be denoised.
+
+    Attributes:
+        threads: Threads that would compute.
+        memory: Bytes of memory that would be used at most.
+        text: What they would be used for.
+    """
 
     threads: int
-    """Threads that would compute."""
     memory: int
-    """Bytes of memory that would be used at most."""
     text: str
-    """What they would be used for."""
 
 
 def denoise_file(
@@ -102,36 +107,51 @@ def denoise_file(
     Raises:
         ValueError: The options make no sense, whatever the file holds.
         InputError: The file cannot be denoised as asked for (a ValueError, too).
-        SequenceError: Some frames could not be denoised; the others are (an InputError, too).
+        SequenceError: Some frames could not be denoised; the others are (an InputError, too). Frames that were skipped count as done for ``progress``.
         OSError: A file cannot be read or written.
         MemoryError: The job takes more memory than it may or can have.
         KeyboardInterrupt: Ctrl-C was pressed; no output is left half-written.
 
     Warns:
-        InputWarning: Something about the file is not as it should be.
+        InputWarning: Something about the file is not as it should be; before anything is written. Made an error by a filter, it is the frame's failure.
     """
-    reading = _reading(input, preset, map, spp, other_half, layers, wrap, max_memory)
-    writing = dict(output=os.fspath(output), error_layer=error_layer, models_layer=models_layer, band=band)
-    computing = _computing(quality, coverage, formulas, threads)
-    wanted = list(frames) if frames is not None and not isinstance(frames, str) else frames
-    sequence = _linpred.frames(reading, os.fspath(output), wanted)
+    read = reading(input, preset, map, spp, other_half, layers, wrap, max_memory)
+    write = writing(output, error_layer, models_layer, band)
+    compute = computing(quality, coverage, formulas, threads)
+    skip = flag("skip_existing", skip_existing)
+    tell = as_function(progress)
+    # what makes no sense for any frame is no fault of one
+    _linpred.check(read, write, compute)
+    sequence = _linpred.frames(read, write["output"], _wanted(frames))
     if sequence is None:
-        told = _Told(as_function(progress), 0, 1)
-        return _one(reading, writing, computing, None, skip_existing, told)
+        return _one(read, write, compute, None, skip, _Told(tell, 0, 1))
     reports: list[FileReport] = []
     failures: dict[int, Exception] = {}
-    for index, (number, path, half, out) in enumerate(sequence):
-        one, to = dict(reading, path=path, other_half=half), dict(writing, output=out)
-        told = _Told(as_function(progress), index, len(sequence))
+    told = _Told(tell, 0, len(sequence))
+    for number, path, half, out in sequence:
+        one, to = dict(read, path=path, other_half=half), dict(write, output=out)
         try:
-            reports.append(_one(one, to, computing, number, skip_existing, told))
-        except (ValueError, OSError, MemoryError) as error:
+            reports.append(_one(one, to, compute, number, skip, told))
+        except (ValueError, OSError, MemoryError, InputWarning) as error:
             if error is told.raised:
                 raise
             failures[number] = error
+        told.next_frame()
     if failures:
         raise SequenceError(failures, reports)
     return reports
+
+
+def _wanted(frames: object) -> str | list[int] | None:
+    """The frames that are asked for, as the command line or as Rust takes them."""
+    if frames is None or isinstance(frames, str):
+        return frames
+    if not isinstance(frames, Iterable):
+        raise TypeError(f"frames: {frames!r} is neither a string such as '1-100x2,205' nor a list of numbers")
+    numbers = [whole("frames", frame) for frame in frames]
+    if any(number < 0 for number in numbers):
+        raise ValueError(f"frames: {min(numbers)} is no frame number, which is 0 or more")
+    return numbers
 
 
 class _Told:
@@ -139,35 +159,44 @@ class _Told:
 
     def __init__(self, tell: Callable[[int, int], object] | None, index: int, frames: int) -> None:
         self._tell, self._index, self._frames = tell, index, frames
+        self._rows, self._done = 1, 0
         self.raised: BaseException | None = None
 
     def __call__(self, done: int, rows: int) -> None:
         if self._tell is None:
             return
+        self._rows, self._done = rows, done
         try:
             self._tell(self._index * rows + done, self._frames * rows)
         except BaseException as error:
             self.raised = error
             raise
 
+    def next_frame(self) -> None:
+        """Goes on to the next frame; one that was skipped, or failed, counts as done."""
+        if self._done < self._rows:
+            self(self._rows, self._rows)
+        self._index, self._done = self._index + 1, 0
+
+
+def _warn(text: str) -> None:
+    python_warnings.warn(text, InputWarning, stacklevel=4)
+
 
 def _one(
-    reading: dict[str, Any],
-    writing: dict[str, Any],
-    computing: dict[str, Any],
+    read: dict[str, Any],
+    write: dict[str, Any],
+    compute: dict[str, Any],
     frame: int | None,
     skip_existing: bool,
     told: _Told,
 ) -> FileReport:
-    input, output = os.fspath(reading["path"]), os.fspath(writing["output"])
-    if skip_existing and os.path.exists(output):
-        return FileReport(input, output, frame, skipped=True)
-    done = _linpred.denoise_file(reading, writing, computing, told)
-    for warning in done["warnings"]:
-        python_warnings.warn(warning, InputWarning, stacklevel=3)
+    if skip_existing and os.path.isfile(write["output"]):
+        return FileReport(read["path"], write["output"], frame, skipped=True)
+    done = _linpred.denoise_file(read, write, compute, _warn, told)
     return FileReport(
-        input,
-        output,
+        read["path"],
+        write["output"],
         frame,
         skipped=False,
         pictures=tuple(Report(**picture) for picture in done["pictures"]),
@@ -196,10 +225,13 @@ def plan(
     max_memory: int | str | None = None,
     band: str | None = None,
 ) -> Plan:
-    """How :func:`denoise_file` would denoise a file, from its header alone: what ``--dry-run`` prints. Raises what it would raise before it begins."""
-    reading = _reading(input, preset, map, spp, other_half, layers, wrap, max_memory)
-    writing = dict(output="", error_layer=error_layer, models_layer=models_layer, band=band)
-    return Plan(*_linpred.plan(reading, writing, _computing(quality, coverage, formulas, threads)))
+    """How :func:`denoise_file` would denoise a file, or the first frame of a sequence, from its header alone: what ``--dry-run`` prints. Raises what it would raise before it begins."""
+    read = reading(input, preset, map, spp, other_half, layers, wrap, max_memory)
+    frames = _linpred.frames(read, read["path"], None)
+    if frames is not None:
+        _, read["path"], read["other_half"], _ = frames[0]
+    compute = computing(quality, coverage, formulas, threads)
+    return Plan(*_linpred.plan(read, writing("", error_layer, models_layer, band), compute))
 
 
 def inspect(
@@ -224,8 +256,8 @@ def inspect(
     >>> [role["role"] for role in found["roles"]][:3], found["problem"]
     (['colour', 'albedo', 'normal'], None)
     """
-    reading = _reading(path, preset, map, spp, other_half, layers, wrap, max_memory)
-    found: dict[str, Any] = json.loads(_linpred.inspect(reading, pixels, threads))
+    read = reading(path, preset, map, spp, other_half, layers, wrap, max_memory)
+    found: dict[str, Any] = json.loads(_linpred.inspect(read, flag("pixels", pixels), whole_or_none("threads", threads)))
     return found
 
 
@@ -252,47 +284,22 @@ def compare(
         threads: Threads that compute; no figure depends on it.
         max_memory: Bytes that may be used, or ``"256M"``.
     """
-    found: dict[str, Any] = json.loads(
-        _linpred.compare(
-            os.fspath(image),
-            os.fspath(reference),
-            None if input is None else os.fspath(input),
-            _entries(map),
-            None if heatmap is None else os.fspath(heatmap),
-            None if picture is None else os.fspath(picture),
-            threads,
-            None if max_memory is None else str(max_memory),
-        )
+    figures = _linpred.compare(
+        as_path("image", image),
+        as_path("reference", reference),
+        path_or_none("input", input),
+        entries(map),
+        path_or_none("heatmap", heatmap),
+        path_or_none("picture", picture),
+        whole_or_none("threads", threads),
+        size("max_memory", max_memory),
     )
+    found: dict[str, Any] = json.loads(figures)
     return found
 
 
 def stitch(bands: Iterable[Path], output: Path) -> None:
     """Puts the bands of an image together, in any order, into ``output``: see ``band`` of :func:`denoise_file`."""
-    _linpred.stitch([os.fspath(band) for band in bands], os.fspath(output))
-
-
-def _reading(
-    path: Path,
-    preset: str,
-    map: Mapping[str, str] | None,
-    spp: int | None,
-    other_half: Path | None,
-    layers: Iterable[str],
-    wrap: str,
-    max_memory: int | str | None,
-) -> dict[str, Any]:
-    return dict(
-        path=os.fspath(path),
-        preset=preset,
-        map=_entries(map),
-        spp=spp,
-        other_half=None if other_half is None else os.fspath(other_half),
-        layers=layers.split(",") if isinstance(layers, str) else list(layers),
-        wrap=wrap,
-        max_memory=None if max_memory is None else str(max_memory),
-    )
-
-
-def _entries(map: Mapping[str, str] | None) -> list[str]:
-    return [f"{role}={channel}" for role, channel in (map or {}).items()]
+    if isinstance(bands, (str, bytes, os.PathLike)):
+        raise TypeError(f"bands: {bands!r} is one path; they are a list of paths")
+    _linpred.stitch([as_path("bands", band) for band in bands], as_path("output", output))

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Iterable, Iterator, Mapping, Tuple, Union
+import inspect
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Generator, Iterable, Iterator, Mapping, Tuple, Union
 
 import numpy as np
 
 from linpred import _linpred
+from linpred._options import MOST, computing, mapping, whole
 from linpred._progress import Progress, as_function
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     Feature = Union[ArrayLike, Tuple[ArrayLike, ArrayLike]]
+    Name = Tuple[str, str]
     Plane = Tuple[str, str, NDArray[Any]]
 
 FEATURES = {"normal": 3, "albedo": 3, "depth": 1}
@@ -22,52 +25,74 @@ FEATURES = {"normal": 3, "albedo": 3, "depth": 1}
 
 @dataclass(frozen=True)
 class Report:
-    """What a run did, and what it could leave."""
+    """What a run did, and what it could leave.
+
+    Attributes:
+        pixels: Pixels of the image.
+        passed_through: Pixels without noise, which came out as they were.
+        repaired: Pixels that were not finite, predicted from their neighbours.
+        fireflies: Pixels far brighter than all around by no more than a sample, predicted likewise.
+        estimated: Pixels of an image with variances that had none: theirs was estimated from the picture.
+        cells: Cells of 19 x 19 pixels.
+        cells_skipped: Of those, the ones without noise.
+        feature_blocks: Blocks of features: a normal, an albedo or a depth each.
+        feature_blocks_skipped: Of those, the ones with no noise in reach.
+        models: Models that were built.
+        fitting_seconds: Time that threads spent on cells, added up over the threads.
+    """
 
     pixels: int
-    """Pixels of the image."""
     passed_through: int
-    """Pixels without noise, which came out as they were."""
     repaired: int
-    """Pixels that were not finite, predicted from their neighbours."""
     fireflies: int
-    """Pixels far brighter than all around by no more than a sample, predicted likewise."""
     estimated: int
-    """Pixels of an image with variances that had none: theirs was estimated from the picture."""
     cells: int
-    """Cells of 19 x 19 pixels."""
     cells_skipped: int
-    """Of those, the ones without noise."""
     feature_blocks: int
-    """Blocks of features: a normal, an albedo or a depth each."""
     feature_blocks_skipped: int
-    """Of those, the ones with no noise in reach."""
     models: int
-    """Models that were built."""
     fitting_seconds: float
-    """Time that threads spent on cells, added up over the threads."""
 
 
-@dataclass(frozen=True)
-class Denoised:
-    """A denoised frame, or a row of one. All arrays are float32."""
+@dataclass(frozen=True, eq=False)
+class DenoisedRow:
+    """A denoised row of a frame. All arrays are float32.
+
+    Attributes:
+        colour: Radiance, (width, 3). Always finite.
+        error: Estimated mean squared error of each pixel, mean over the channels, radiance squared, (width,). Its square root is a standard error.
+        radius: Half-width of the windows that predicted each pixel, weighted mean, 0 to 9 pixels, (width,).
+        rank: Rank of the models behind each pixel, weighted mean, (width,).
+        alpha: Alpha, 0 to 1, (width,); None if none was given.
+        layers: The layers that were given, by name, (width, 3) each. If they summed up to the colour, they still do.
+        scalars: The scalars that were given, by name, (width,) each.
+    """
 
     colour: NDArray[np.float32]
-    """Radiance, (height, width, 3); of a row (width, 3). Always finite."""
     error: NDArray[np.float32]
-    """Estimated mean squared error of each pixel, mean over the channels, radiance squared, (height, width). Its square root is a standard error."""
     radius: NDArray[np.float32]
-    """Half-width of the windows that predicted each pixel, weighted mean, 0 to 9 pixels, (height, width)."""
     rank: NDArray[np.float32]
-    """Rank of the models behind each pixel, weighted mean, (height, width)."""
-    alpha: NDArray[np.float32] | None = None
-    """Alpha, 0 to 1, (height, width); None if none was given."""
-    layers: dict[str, NDArray[np.float32]] = field(default_factory=dict)
-    """The layers that were given, (height, width, 3) each. If they summed up to the colour, they still do."""
-    scalars: dict[str, NDArray[np.float32]] = field(default_factory=dict)
-    """The scalars that were given, (height, width) each."""
-    report: Report | None = None
-    """What the run did; None for a row."""
+    alpha: NDArray[np.float32] | None
+    layers: dict[str, NDArray[np.float32]]
+    scalars: dict[str, NDArray[np.float32]]
+
+
+@dataclass(frozen=True, eq=False)
+class Denoised(DenoisedRow):
+    """A denoised frame. All arrays are float32.
+
+    Attributes:
+        colour: Radiance, (height, width, 3). Always finite.
+        error: Estimated mean squared error of each pixel, mean over the channels, radiance squared, (height, width). Its square root is a standard error.
+        radius: Half-width of the windows that predicted each pixel, weighted mean, 0 to 9 pixels, (height, width).
+        rank: Rank of the models behind each pixel, weighted mean, (height, width).
+        alpha: Alpha, 0 to 1, (height, width); None if none was given.
+        layers: The layers that were given, by name, (height, width, 3) each. If they summed up to the colour, they still do.
+        scalars: The scalars that were given, by name, (height, width) each.
+        report: What the run did.
+    """
+
+    report: Report
 
 
 def denoise(
@@ -94,14 +119,14 @@ def denoise(
     """Denoises a frame in memory.
 
     Arrays are float16, float32 or float64, of any strides and byte order. They are read where they lie, a row at a time; only what is not
-    aligned, or of foreign byte order, is copied before. Do not write to them during the call: other threads run meanwhile.
+    aligned, or of foreign byte order, is copied before. Do not write to them during the call: other threads run meanwhile. Masks of masked arrays are not looked at.
 
     Args:
         colour: Linear radiance, (height, width, 3). Pixels with a NaN, an infinity or more than 1e15 are repaired, and counted.
         variance: Variance of the pixels' means (of one sample, divided by the number of samples), (height, width, 3), radiance squared. 0 says
             that a pixel is exact: it comes out as it is. Where it is negative, NaN or infinite it is estimated from the picture; without it,
             everywhere.
-        halves: The means of either half of each pixel's samples, two arrays like ``colour``, which is their mean. In place of ``variance``.
+        halves: The means of either half of each pixel's samples, two arrays like ``colour``, which must be their mean. In place of ``variance``.
         albedo: Diffuse albedo, (height, width, 3).
         normal: Normals of the surfaces, (height, width, 3), in any space.
         depth: Distance from the camera, (height, width) or (height, width, 1); infinite, 0 or 1e10 where there is nothing.
@@ -123,7 +148,7 @@ def denoise(
         MemoryError: There is no memory for the output.
         KeyboardInterrupt: Ctrl-C was pressed; the run has ended.
 
-    The interpreter's lock is released meanwhile. Memory: that of the output, 6 floats per pixel and 3 per layer, beside some 60 rows.
+    The interpreter's lock is released meanwhile. Memory: that of the output, 6 floats per pixel and 3 per layer, beside some 90 rows.
 
     >>> import numpy as np
     >>> noisy = np.random.default_rng(1).uniform(0.0, 1.0, (48, 64, 3))
@@ -140,9 +165,9 @@ def denoise(
         dict(albedo=albedo_variance, normal=normal_variance, depth=depth_variance),
     )
     planes = _planes(given, 2)
-    computing = _computing(quality, coverage, formulas, threads)
-    arrays, report = _linpred.denoise(planes, computing, as_function(progress))
-    return _denoised(arrays, planes, Report(**report))
+    options = computing(quality, coverage, formulas, threads)
+    arrays, report = _linpred.denoise(planes, options, as_function(progress))
+    return Denoised(**_named(arrays, [plane[:2] for plane in planes]), report=Report(**report))
 
 
 def denoise_rows(
@@ -164,7 +189,7 @@ def denoise_rows(
         quality, coverage, formulas, threads: As for :func:`denoise`.
 
     Returns:
-        An iterator over the denoised rows, from top to bottom, some 60 rows behind; its ``report`` is what the run did, once it has ended. The bits are those of
+        An iterator over the denoised rows, from top to bottom, some 90 rows behind; its ``report`` is what the run did, once it has ended. It can be closed, or used with ``with``, to end a run early. The bits are those of
         :func:`denoise`. Memory grows with the width of the frame alone.
 
     >>> import numpy as np
@@ -177,44 +202,80 @@ def denoise_rows(
     >>> rows.report.pixels
     2560
     """
-    return Rows(rows, height, _computing(quality, coverage, formulas, threads))
+    return Rows(rows, height, computing(quality, coverage, formulas, threads))
 
 
-class Rows(Iterator[Denoised]):
-    """Denoised rows from top to bottom; see :func:`denoise_rows`."""
+class Rows(Iterator[DenoisedRow]):
+    """Denoised rows from top to bottom; see :func:`denoise_rows`. Dropped or closed before its end, the run is given up, and the source closed."""
 
-    def __init__(self, rows: Iterable[Mapping[str, Any]], height: int, computing: dict[str, Any]) -> None:
-        self._names: list[tuple[str, str]] = []
-        if height < 1:
-            raise ValueError(f"height {height}: there are no rows")
-        self._rows = _linpred.Rows(self._single_rows(rows), height, computing)
+    def __init__(self, rows: Iterable[Mapping[str, Any]], height: int, options: dict[str, Any]) -> None:
+        height = whole("height", height)
+        if not 1 <= height < MOST:
+            raise ValueError(f"height {height}: it is 1 to {MOST - 1} rows")
+        # written by the source, at its first row; with a reference to self it would keep itself, and the run, for ever
+        self._names: list[Name] = []
+        self._source = _single_rows(rows, self._names)
+        self._rows: _linpred.Rows | None = _linpred.Rows(self._source, height, options)
+        self._report: Report | None = None
 
-    def _single_rows(self, rows: Iterable[Mapping[str, Any]]) -> Iterator[list[Plane]]:
-        for given in rows:
-            several = np.ndim(given.get("colour", 0)) > 2
-            planes = _planes(_row_given(given), 2 if several else 1)
-            self._names = [(role, name) for role, name, _ in planes]
-            for y in range(planes[0][2].shape[0]):
-                yield [(role, name, array[y : y + 1]) for role, name, array in planes]
-
-    def __next__(self) -> Denoised:
-        _, arrays = next(self._rows)
-        row = _denoised(arrays, [(role, name, None) for role, name in self._names], None)
-        return Denoised(
-            row.colour[0],
-            row.error[0],
-            row.radius[0],
-            row.rank[0],
-            None if row.alpha is None else row.alpha[0],
-            {name: layer[0] for name, layer in row.layers.items()},
-            {name: scalar[0] for name, scalar in row.scalars.items()},
+    def __next__(self) -> DenoisedRow:
+        if self._rows is None:
+            raise StopIteration
+        try:
+            _, arrays = next(self._rows)
+        except StopIteration:
+            report = self._rows.report()
+            self._report = None if report is None else Report(**report)
+            self.close()
+            raise
+        except _linpred.Busy as error:
+            # the run itself goes on
+            raise RuntimeError(*error.args) from None
+        except BaseException:
+            self.close()
+            raise
+        named = _named(arrays, self._names)
+        return DenoisedRow(
+            colour=named["colour"][0],
+            error=named["error"][0],
+            radius=named["radius"][0],
+            rank=named["rank"][0],
+            alpha=None if named["alpha"] is None else named["alpha"][0],
+            layers={name: layer[0] for name, layer in named["layers"].items()},
+            scalars={name: scalar[0] for name, scalar in named["scalars"].items()},
         )
+
+    def close(self) -> None:
+        """Gives the run up, if it has not ended, and closes the source."""
+        self._rows = None
+        if inspect.getgeneratorstate(self._source) != inspect.GEN_RUNNING:
+            self._source.close()
+
+    def __enter__(self) -> Rows:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     @property
     def report(self) -> Report | None:
         """What the run did; None before its end."""
-        report = self._rows.report()
-        return None if report is None else Report(**report)
+        return self._report
+
+
+def _single_rows(rows: Iterable[Mapping[str, Any]], names: list[Name]) -> Generator[list[Plane], None, None]:
+    """The rows one by one, each with the arrays of the first in their order, whose names are written to ``names``."""
+    y = 0
+    for given in rows:
+        several = np.ndim(mapping("row", given).get("colour", 0)) > 2
+        planes = {(role, name): array for role, name, array in _planes(_row_given(given), 2 if several else 1)}
+        if not names:
+            names.extend(planes)
+        if set(names) != set(planes):
+            raise ValueError(f"row {y} has other arrays than row 0")
+        for own in range(planes[names[0]].shape[0]):
+            yield [(role, name, planes[role, name][own : own + 1]) for role, name in names]
+            y += 1
 
 
 ROW_ARRAYS = {"colour", "variance", "halves", "alpha", "features", "layers", "scalars", *FEATURES, *(f"{name}_variance" for name in FEATURES)}
@@ -232,17 +293,13 @@ def _row_given(given: Mapping[str, Any]) -> dict[str, Any]:
     return _given(given["colour"], others, features, variances)
 
 
-def _computing(quality: str, coverage: int | None, formulas: str, threads: int | None) -> dict[str, Any]:
-    return dict(quality=quality, formulas=formulas, coverage=coverage, threads=threads)
-
-
 def _given(
     colour: ArrayLike, others: dict[str, Any], features: dict[str, Any], variances: dict[str, Any]
 ) -> dict[str, Any]:
     """Features from both places in one, so that each is there once."""
     if others["variance"] is not None and others["halves"] is not None:
         raise ValueError("variance and halves both say what the noise is: give one of them")
-    for name, feature in (others.pop("features") or {}).items():
+    for name, feature in mapping("features", others.pop("features")).items():
         if name not in FEATURES:
             raise ValueError(f"features: {name!r} is none that this version knows: {', '.join(FEATURES)}")
         if features[name] is not None:
@@ -270,8 +327,8 @@ def _planes(given: dict[str, Any], dimensions: int) -> list[Plane]:
     if given["variance"] is not None:
         planes.append(("variance", "", plane("variance", given["variance"], 3)))
     if given["halves"] is not None:
-        if len(given["halves"]) != 2:
-            raise ValueError(f"halves: {len(given['halves'])} arrays, not 2")
+        if not isinstance(given["halves"], (tuple, list)) or len(given["halves"]) != 2:
+            raise ValueError("halves: it is a pair of arrays, the means of either half of the samples")
         for role, half in zip(("half_a", "half_b"), given["halves"]):
             planes.append((role, "", plane("halves", half, 3)))
     for name, channels in FEATURES.items():
@@ -282,9 +339,9 @@ def _planes(given: dict[str, Any], dimensions: int) -> list[Plane]:
             planes.append((role, "", plane(role, given["feature_variance"][name], channels)))
     if given["alpha"] is not None:
         planes.append(("alpha", "", plane("alpha", given["alpha"], 1)))
-    for name, layer in (given["layers"] or {}).items():
+    for name, layer in mapping("layers", given["layers"]).items():
         planes.append(("layer", name, plane(f"layers[{name!r}]", layer, 3)))
-    for name, scalar in (given["scalars"] or {}).items():
+    for name, scalar in mapping("scalars", given["scalars"]).items():
         planes.append(("scalar", name, plane(f"scalars[{name!r}]", scalar, 1)))
     return planes
 
@@ -293,9 +350,14 @@ def _array(
     name: str, value: ArrayLike, channels: int, dimensions: int, size: tuple[int, ...] | None
 ) -> NDArray[Any]:
     """The value as an array of (rows, columns, channels) that can be read where it lies; ``dimensions`` of rows and columns are given."""
-    array = np.asarray(value)
+    if value is None:
+        raise TypeError(f"{name}: None is no array")
+    try:
+        array = np.asarray(value)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from error
     if array.dtype.kind != "f" or array.dtype.itemsize > 8:
-        raise TypeError(f"{name}: dtype {array.dtype}, but it is float16, float32 or float64: linear, not 8 bit")
+        raise TypeError(f"{name}: dtype {array.dtype}, but it is float16, float32 or float64, as linear radiance is")
     sides = ("height", "width")[-dimensions:]
     shape = array.shape
     if channels == 1 and array.ndim == dimensions:
@@ -317,17 +379,11 @@ def _array(
     return array
 
 
-def _denoised(arrays: dict[str, Any], planes: Iterable[tuple[str, str, Any]], report: Report | None) -> Denoised:
-    names: dict[str, list[str]] = {"layer": [], "scalar": []}
-    for role, name, _ in planes:
-        names.setdefault(role, []).append(name)
-    return Denoised(
-        colour=arrays["colour"],
-        error=arrays["error"],
-        radius=arrays["radius"],
-        rank=arrays["rank"],
-        alpha=arrays["alpha"],
-        layers=dict(zip(names["layer"], arrays["layers"])),
-        scalars=dict(zip(names["scalar"], arrays["scalars"])),
-        report=report,
-    )
+def _named(arrays: dict[str, Any], names: Iterable[Name]) -> dict[str, Any]:
+    """The arrays with their layers and scalars by name."""
+    of_role: dict[str, list[str]] = {"layer": [], "scalar": []}
+    for role, name in names:
+        of_role.setdefault(role, []).append(name)
+    layers = dict(zip(of_role["layer"], arrays["layers"]))
+    scalars = dict(zip(of_role["scalar"], arrays["scalars"]))
+    return {**arrays, "layers": layers, "scalars": scalars}
