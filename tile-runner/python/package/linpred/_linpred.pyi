@@ -2,9 +2,21 @@
 
 from typing import Any, Callable, Iterable, Iterator, final
 
-from typing_extensions import disjoint_base
-
-__all__: list[str]
+__all__ = [
+    "Busy",
+    "InputError",
+    "Rows",
+    "VERSION",
+    "check",
+    "compare",
+    "denoise",
+    "denoise_file",
+    "frames",
+    "inspect",
+    "main",
+    "plan",
+    "stitch",
+]
 
 VERSION: str
 
@@ -12,7 +24,6 @@ class InputError(ValueError): ...
 class Busy(RuntimeError): ...
 
 @final
-@disjoint_base
 class Rows(Iterator[tuple[int, dict[str, Any]]]):
     def __new__(cls, source: Iterator[list[tuple[str, str, Any]]], height: int, computing: dict[str, Any]) -> Rows: ...
     def __iter__(self) -> Rows: ...
