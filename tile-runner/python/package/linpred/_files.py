@@ -15,6 +15,7 @@ from linpred._options import Path, computing, entries, flag, path_or_none, readi
 from linpred._options import path as as_path
 from linpred._progress import Progress, as_function
 
+
 @dataclass(frozen=True)
 class FileReport:
     """What was done with a file.
@@ -99,7 +100,7 @@ def denoise_file(
         skip_existing: Leaves frames alone whose output exists.
         band: ``"i/N"``: only the i-th of N bands of the image, for :func:`stitch`.
         progress: A function of (rows done, rows of all frames), called on this thread, or a ``tqdm`` bar. What it raises ends the run, which leaves
-            nothing behind. Frames count as high as the one at work.
+            nothing behind. Frames count as high as the one at work, and those that are skipped or fail as done.
 
     Returns:
         A report, or a list of them for a sequence.
@@ -107,7 +108,7 @@ def denoise_file(
     Raises:
         ValueError: The options make no sense, whatever the file holds.
         InputError: The file cannot be denoised as asked for (a ValueError, too).
-        SequenceError: Some frames could not be denoised; the others are (an InputError, too). Frames that were skipped count as done for ``progress``.
+        SequenceError: Some frames could not be denoised; the others are (an InputError, too).
         OSError: A file cannot be read or written.
         MemoryError: The job takes more memory than it may or can have.
         KeyboardInterrupt: Ctrl-C was pressed; no output is left half-written.
@@ -124,10 +125,10 @@ def denoise_file(
     _linpred.check(read, write, compute)
     sequence = _linpred.frames(read, write["output"], _wanted(frames))
     if sequence is None:
-        return _one(read, write, compute, None, skip, _Told(tell, 0, 1))
+        return _one(read, write, compute, None, skip, _Told(tell, 1))
     reports: list[FileReport] = []
     failures: dict[int, Exception] = {}
-    told = _Told(tell, 0, len(sequence))
+    told = _Told(tell, len(sequence))
     for number, path, half, out in sequence:
         one, to = dict(read, path=path, other_half=half), dict(write, output=out)
         try:
@@ -157,9 +158,9 @@ def _wanted(frames: object) -> str | list[int] | None:
 class _Told:
     """Tells how many rows of all frames are done, and keeps what the caller's function raises: it is no fault of the frame's."""
 
-    def __init__(self, tell: Callable[[int, int], object] | None, index: int, frames: int) -> None:
-        self._tell, self._index, self._frames = tell, index, frames
-        self._rows, self._done = 1, 0
+    def __init__(self, tell: Callable[[int, int], object] | None, frames: int) -> None:
+        self._tell, self._frames = tell, frames
+        self._index, self._rows, self._done = 0, 1, 0
         self.raised: BaseException | None = None
 
     def __call__(self, done: int, rows: int) -> None:
