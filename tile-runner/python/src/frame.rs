@@ -112,8 +112,12 @@ impl Output {
     /// Adds a row below the others.
     pub(crate) fn push(&mut self, row: &OutputRow) {
         let interleave = |out: &mut Vec<f32>, [red, green, blue]: &[Vec<f32>; 3]| {
-            let pixels = red.iter().zip(green).zip(blue);
-            out.extend(pixels.flat_map(|((red, green), blue)| [*red, *green, *blue]));
+            let before = out.len();
+            out.resize(before + 3 * red.len(), 0.0);
+            let pixels = out[before..].chunks_exact_mut(3);
+            for (pixel, ((red, green), blue)) in pixels.zip(red.iter().zip(green).zip(blue)) {
+                pixel.copy_from_slice(&[*red, *green, *blue]);
+            }
         };
         interleave(&mut self.colour, &row.colour);
         for (out, layer) in self.layers.iter_mut().zip(&row.layers) {
