@@ -1,5 +1,6 @@
 //! What can go wrong, by who can mend it.
 
+use std::error::Error as _;
 use std::fmt;
 
 /// An error of a run. Every message names the file, and the part, channel or row where one is at fault; a cause that lies outside this crate is the
@@ -75,6 +76,17 @@ impl Error {
     /// An error of a renderer's own, for its [`RowSource`](crate::RowSource) or [`RowSink`](crate::RowSink). It reaches the caller as it is.
     pub fn renderer(error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Self {
         Self::Renderer(error.into())
+    }
+
+    /// What lies behind the message, as text to be put after it: each cause with a colon before. Empty if nothing does.
+    pub fn causes(&self) -> String {
+        let mut words = String::new();
+        let mut cause = self.source();
+        while let Some(error) = cause {
+            words += &format!(": {error}");
+            cause = error.source();
+        }
+        words
     }
 }
 

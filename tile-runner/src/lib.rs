@@ -59,6 +59,7 @@ pub use linpred_core::{FEATURE_NAMES, FEATURES, Feature, Formulas, Params, Quali
 pub use row::{InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
 pub use stream::pipeline::{Options, denoise};
 pub use stream::report::{Counts, Report};
+pub use stream::threads::threads_to_use;
 pub use stream::{overlap, steps, survey};
 
 /// The README's example.

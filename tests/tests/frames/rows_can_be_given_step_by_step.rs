@@ -106,7 +106,12 @@ fn denoised_rows_come_before_the_last_is_given() {
 
 #[test]
 fn a_run_that_is_dropped_leaves_no_thread_behind() {
-    let threads = || std::fs::read_dir("/proc/self/task").map_or(0, Iterator::count);
+    let tasks = std::path::Path::new("/proc/self/task");
+    if !tasks.is_dir() {
+        println!("NOT RUN: this system does not tell how many threads there are");
+        return;
+    }
+    let threads = || tasks.read_dir().unwrap().count();
     let run = |rows: usize| {
         let mut source = Noise(layout(47, 300));
         let mut steps = Steps::start(source.layout(), options()).unwrap();

@@ -9,7 +9,7 @@ use std::sync::mpsc::channel;
 
 use linpred::Report;
 use linpred::image::ExtraLayers;
-use linpred::job::{self, Input, InputRequest, JobOptions, Summary};
+use linpred::job::{self, Input, InputRequest, JobOptions, Remark, Summary};
 
 use crate::handle::{Denoiser, call, linpred_denoiser};
 use crate::report::Done;
@@ -97,9 +97,12 @@ fn flag(name: &str, value: i32) -> Result<bool, Failure> {
 fn denoise(denoiser: &mut Denoiser, request: &Request) -> Result<(), Failure> {
     denoiser.check_idle()?;
     let pictures = Input::open_all(&request.input)?;
-    let warnings = pictures.iter().flat_map(|picture| &picture.roles.warnings);
-    let warnings: Vec<&str> = warnings.map(String::as_str).collect();
-    let notes = warnings.join("\n");
+    let remarks = job::remarks(&pictures, request.options.extra)?.into_iter();
+    let warnings = remarks.filter_map(|remark| match remark {
+        Remark::Warning(warning) => Some(warning),
+        Remark::Note(_) => None,
+    });
+    let notes = warnings.collect::<Vec<_>>().join("\n");
     let summary = run(denoiser, &pictures, request)?;
     let mut report = Report::default();
     for picture in &summary.reports {

@@ -1,6 +1,5 @@
 //! What became of a call: a code, and a sentence.
 
-use std::error::Error as _;
 use std::ffi::{CStr, CString, c_char};
 
 use linpred::Error;
@@ -131,17 +130,7 @@ impl From<Error> for Failure {
             Error::Renderer(_) => LINPRED_ERROR_CALLBACK,
             _ => LINPRED_ERROR_INTERNAL,
         };
-        let mut message = error.to_string();
-        let mut cause = match &error {
-            // its cause is said already
-            Error::Renderer(_) => None,
-            _ => error.source(),
-        };
-        while let Some(error) = cause {
-            message = format!("{message}: {error}");
-            cause = error.source();
-        }
-        Self { status, message }
+        Self::new(status, format!("{error}{}", error.causes()))
     }
 }
 

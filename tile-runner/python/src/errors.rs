@@ -1,7 +1,5 @@
 //! Errors as exceptions: who can mend it decides which.
 
-use std::error::Error as _;
-
 use linpred::{Error, Remedy};
 use pyo3::exceptions::{
     PyKeyboardInterrupt, PyMemoryError, PyOSError, PyRuntimeError, PyValueError,
@@ -24,17 +22,12 @@ create_exception!(
 
 /// An error with its causes, in the words of this package's arguments.
 pub(crate) fn in_words(error: &Error) -> String {
-    let mut words = match error {
+    let words = match error {
         Error::Incomplete { remedy, .. } => format!("{error}{}", advice(*remedy)),
         Error::OverLimit { .. } => error.to_string().replacen("the limit", "max_memory", 1),
         _ => error.to_string(),
     };
-    let mut cause = error.source();
-    while let Some(error) = cause {
-        words += &format!(": {error}");
-        cause = error.source();
-    }
-    words
+    words + &error.causes()
 }
 
 fn advice(remedy: Remedy) -> &'static str {

@@ -9,7 +9,7 @@ use std::sync::atomic::Ordering;
 use linpred::channels::{Mapping, PRESET_NAMES, Preset, RoleRequest};
 use linpred::cli;
 use linpred::image::ExtraLayers;
-use linpred::job::{self, Band, CompareRequest, Input, InputRequest, JobOptions, Wrap};
+use linpred::job::{self, Band, CompareRequest, Input, InputRequest, JobOptions, Remark, Wrap};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -150,23 +150,16 @@ pub(crate) fn denoise_file<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let request = reading.request()?;
-    job::check_output_name(&writing.output).map_err(raise)?;
     let options = writing.options(&computing, request.memory_limit)?;
     let pictures = py.detach(|| Input::open_all(&request)).map_err(raise)?;
     let rows = job::rows_to_write(&pictures, &options).map_err(raise)?;
     let (mut notes, mut warnings) = (Vec::new(), Vec::new());
-    for picture in &pictures {
-        let label = match picture.roles.label() {
-            label if label.is_empty() => label,
-            label => format!("{label}: "),
-        };
-        let labelled = |notes: &[String]| -> Vec<String> {
-            notes.iter().map(|note| format!("{label}{note}")).collect()
-        };
-        notes.extend(labelled(&picture.roles.notes));
-        warnings.extend(labelled(&picture.roles.warnings));
+    for remark in job::remarks(&pictures, options.extra).map_err(raise)? {
+        match remark {
+            Remark::Note(note) => notes.push(note),
+            Remark::Warning(warning) => warnings.push(warning),
+        }
     }
-    warnings.extend(job::notes_on_output(&pictures, options.extra).map_err(raise)?);
     for warning in &warnings {
         warn.call1((warning,))?;
     }
@@ -259,7 +252,6 @@ pub(crate) fn compare(
 /// Puts the bands of an image together.
 #[pyfunction]
 pub(crate) fn stitch(py: Python<'_>, bands: Vec<PathBuf>, output: PathBuf) -> PyResult<()> {
-    job::check_output_name(&output).map_err(raise)?;
     watched(py, 0, None, |stop, _| {
         let bands: Vec<_> = bands.iter().map(PathBuf::as_path).collect();
         job::stitch(&bands, &output, stop)

@@ -2,7 +2,7 @@
 
 use std::num::NonZeroUsize;
 
-use linpred::{Options, Params, Quality};
+use linpred::{Options, Params, Quality, threads_to_use};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -49,12 +49,9 @@ impl Computing {
 
 /// As many threads as there are processors, or fewer if fewer are asked for.
 pub(crate) fn threads(asked: Option<i64>) -> PyResult<NonZeroUsize> {
-    let processors = std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
-    let Some(asked) = asked else {
-        return Ok(processors);
+    let count = |asked| {
+        let threads = usize::try_from(asked).ok().and_then(NonZeroUsize::new);
+        threads.ok_or_else(|| PyValueError::new_err(format!("threads {asked}: it is 1 or more")))
     };
-    let threads = usize::try_from(asked).ok().and_then(NonZeroUsize::new);
-    let threads = threads
-        .ok_or_else(|| PyValueError::new_err(format!("threads {asked}: it is 1 or more")))?;
-    Ok(threads.min(processors))
+    Ok(threads_to_use(asked.map(count).transpose()?))
 }

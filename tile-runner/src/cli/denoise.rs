@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use crate::channels::{Preset, RoleRequest};
 use crate::image::ExtraLayers;
-use crate::job::{self, Frame, Input, InputRequest, JobOptions, Wrap};
+use crate::job::{self, Frame, Input, InputRequest, JobOptions, Remark, Wrap};
 use crate::{Error, Options};
 use linpred_core::{Params, Quality};
 
@@ -86,29 +86,17 @@ impl Run {
 
     /// Says what a user should know before the job begins.
     fn announce(&self, pictures: &[Input]) -> Result<(), Error> {
-        let new = |note: &String| self.said.borrow_mut().insert(note.clone());
-        for input in pictures {
-            for assignment in &input.roles.assignments {
-                tracing::debug!("{}: {}", assignment.role.name(), assignment.rule);
-            }
-            let label = match input.roles.label() {
-                label if label.is_empty() => label,
-                label => format!("{label}: "),
-            };
-            let labelled = |notes: &[String]| -> Vec<String> {
-                let notes = notes.iter().map(|note| format!("{label}{note}"));
-                notes.filter(new).collect()
-            };
-            for note in labelled(&input.roles.notes) {
-                tracing::info!("{note}");
-            }
-            for warning in labelled(&input.roles.warnings) {
-                tracing::warn!("{warning}");
-            }
+        let assignments = pictures.iter().flat_map(|input| &input.roles.assignments);
+        for assignment in assignments {
+            tracing::debug!("{}: {}", assignment.role.name(), assignment.rule);
         }
-        let notes = job::notes_on_output(pictures, self.options.extra)?;
-        for note in notes.iter().filter(|note| new(note)) {
-            tracing::warn!("{note}");
+        let mut said = self.said.borrow_mut();
+        for remark in job::remarks(pictures, self.options.extra)? {
+            match remark {
+                Remark::Note(note) if said.insert(note.clone()) => tracing::info!("{note}"),
+                Remark::Warning(text) if said.insert(text.clone()) => tracing::warn!("{text}"),
+                _ => {}
+            }
         }
         Ok(())
     }

@@ -1,8 +1,6 @@
 //! What an error says on the command line, and the exit code it ends in: 0 done, 2 usage, 3 input, 4 memory budget, 128 and more stopped by a
 //! signal, 1 anything else.
 
-use std::error::Error as _;
-
 use crate::{Error, Remedy};
 
 use super::stop;
@@ -35,19 +33,14 @@ pub(crate) fn code(error: &Error) -> u8 {
 
 /// An error with its causes, and with the options that would mend it.
 pub(crate) fn in_words(error: &Error) -> String {
-    let mut words = match error {
+    let words = match error {
         // settings are called as their options are
         Error::Setting { .. } => format!("--{error}"),
         Error::Incomplete { remedy, .. } => format!("{error}{}", advice(*remedy)),
         Error::OverLimit { .. } => error.to_string().replacen("the limit", "--max-memory", 1),
         _ => error.to_string(),
     };
-    let mut cause = error.source();
-    while let Some(error) = cause {
-        words += &format!(": {error}");
-        cause = error.source();
-    }
-    words
+    words + &error.causes()
 }
 
 fn advice(remedy: Remedy) -> &'static str {

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::Error;
-use crate::job::{check_output_name, stitch};
+use crate::job::stitch;
 
 use super::args::{StitchArguments, StitchProgress};
 use super::errors::DONE;
@@ -11,7 +11,6 @@ use super::{openjd, stop};
 
 /// Puts the bands of an image together.
 pub(crate) fn run(arguments: StitchArguments) -> Result<u8, Error> {
-    check_output_name(&arguments.output)?;
     let bands: Vec<&Path> = arguments.bands.iter().map(AsRef::as_ref).collect();
     let output = arguments.output.display();
     let for_openjd = arguments.progress == StitchProgress::Openjd;

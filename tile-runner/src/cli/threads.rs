@@ -2,15 +2,15 @@
 
 use std::num::NonZeroUsize;
 
-/// As many as there are processors, or fewer if fewer are asked for.
+use crate::threads_to_use;
+
+/// [`threads_to_use`]; says so where that is less than was asked for.
 pub(crate) fn to_use(asked: Option<NonZeroUsize>) -> NonZeroUsize {
-    let Ok(processors) = std::thread::available_parallelism() else {
-        return asked.unwrap_or(NonZeroUsize::MIN);
-    };
-    if let Some(asked) = asked.filter(|&asked| asked > processors) {
+    let used = threads_to_use(asked);
+    if let Some(asked) = asked.filter(|&asked| asked > used) {
         tracing::info!(
-            "--threads {asked}: {processors} are used, one on each processor; more take memory and are no faster"
+            "--threads {asked}: {used} are used, one on each processor; more take memory and are no faster"
         );
     }
-    asked.map_or(processors, |asked| asked.min(processors))
+    used
 }

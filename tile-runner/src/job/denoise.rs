@@ -25,6 +25,7 @@ use crate::job::band::{BandSink, BandSource};
 use crate::job::input::{Input, rewrite};
 use crate::job::memory;
 use crate::job::options::JobOptions;
+use crate::job::output_name::check_output_name;
 use crate::job::plan::{self, Schedule};
 use crate::row::{OutputRow, RowLayout, RowSink, RowSource};
 use crate::stream::overlap::{ReadAhead, WriteBehind};
@@ -47,6 +48,8 @@ pub struct Summary {
 /// Denoises the pictures of a file, as [`Input::open_all`] gives them, into `output`. `progress` is told how many of
 /// the [`rows_to_write`] have been; the job ends
 /// with [`Error::Cancelled`] soon after `stop` is set, and leaves nothing behind.
+///
+/// [`Error::Usage`] if `output` has the name of another format (see [`check_output_name`]).
 pub fn denoise(
     pictures: &[Input],
     output: &Path,
@@ -58,6 +61,7 @@ pub fn denoise(
         return Err(Error::Usage("no picture to denoise".into()));
     };
     let inputs: Vec<&Path> = input.names.files().iter().map(|file| file.path()).collect();
+    check_output_name(output)?;
     check_output(output, &inputs)?;
     let mut rewrite = rewrite(pictures, options.extra, &marks(pictures, options)?)?;
     let (schedule, plan) = plan::schedule(pictures, &rewrite, options);

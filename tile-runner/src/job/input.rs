@@ -282,9 +282,35 @@ impl Input {
     }
 }
 
-/// What a user should know about the output: what it loses, and why it is stored in another way than the input.
-pub fn notes_on_output(pictures: &[Input], extra: ExtraLayers) -> Result<Vec<String>, Error> {
-    Ok(rewrite(pictures, extra, &[])?.notes)
+/// What a user should know before pictures are denoised.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Remark {
+    /// Something about how they are read.
+    Note(String),
+    /// Something that is not as it should be, or that the output loses.
+    Warning(String),
+}
+
+/// All there is to say before the pictures of a file are denoised: of each how it is read and what is odd about it, with its name where there are several; then what the
+/// output loses, and why it is stored in another way than the input.
+pub fn remarks(pictures: &[Input], extra: ExtraLayers) -> Result<Vec<Remark>, Error> {
+    let mut remarks = Vec::new();
+    for Input { roles, .. } in pictures {
+        let label = match roles.label() {
+            label if label.is_empty() => label,
+            label => format!("{label}: "),
+        };
+        let notes = roles
+            .notes
+            .iter()
+            .map(|note| Remark::Note(format!("{label}{note}")));
+        remarks.extend(notes);
+        let warnings = roles.warnings.iter();
+        remarks.extend(warnings.map(|warning| Remark::Warning(format!("{label}{warning}"))));
+    }
+    let of_output = rewrite(pictures, extra, &[])?.notes;
+    remarks.extend(of_output.into_iter().map(Remark::Warning));
+    Ok(remarks)
 }
 
 /// The output file that denoising the pictures of a file makes, with these attributes.

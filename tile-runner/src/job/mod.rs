@@ -36,7 +36,7 @@ pub use compare::{
     tone_mapped, worst_places,
 };
 pub use denoise::{Summary, denoise, rows_to_write};
-pub use input::{Input, InputRequest, Wrap, notes_on_output};
+pub use input::{Input, InputRequest, Remark, Wrap, remarks};
 pub use inspect::{Inspection, PartInfo, RoleInfo, describe, inspect, inspect_with, survey};
 pub use memory::{DEFAULT_MEMORY_LIMIT, MemoryPlan, check_memory};
 pub use options::JobOptions;

@@ -12,15 +12,17 @@ use crate::exr_file::output::check_output;
 use crate::exr_file::writer::{ExrWriter, OutputPart};
 use crate::exr_file::{ExrFile, Part};
 use crate::job::band::{BAND_ATTRIBUTE, WHOLE_ATTRIBUTE};
+use crate::job::output_name::check_output_name;
 
 /// Attributes in which the bands of an image differ.
 const OWN_ATTRIBUTES: [&str; 3] = ["dataWindow", "chunkCount", BAND_ATTRIBUTE];
 
 /// Puts the bands of an image together, in whatever order they are given.
 ///
-/// [`Error::Invalid`] if one is no band, they are not of one image, rows are missing or doubled; [`Error::Cancelled`] once
+/// [`Error::Usage`] if `output` has the name of another format, [`Error::Invalid`] if one is no band, they are not of one image, rows are missing or doubled; [`Error::Cancelled`] once
 /// `stop` is set.
 pub fn stitch(bands: &[&Path], output: &Path, stop: &AtomicBool) -> Result<(), Error> {
+    check_output_name(output)?;
     check_output(output, bands)?;
     let mut files = bands
         .iter()

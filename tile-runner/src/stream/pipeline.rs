@@ -27,7 +27,7 @@ use crate::stream::report::{Counts, Report};
 use crate::stream::resolved_row::{ResolvedRow, rows_per_thread};
 use crate::stream::row_of_cells::CellBenches;
 use crate::stream::sum_rows::SumRows;
-use crate::stream::threads::{Threads, pool, stack_bytes};
+use crate::stream::threads::{Threads, pool, stack_bytes, threads_to_use};
 
 /// How to run: what to compute, and on how many threads.
 #[derive(Clone, Copy, Debug)]
@@ -44,7 +44,7 @@ impl Options {
     pub fn new(params: Params) -> Self {
         Self {
             params,
-            threads: std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN),
+            threads: threads_to_use(None),
         }
     }
 

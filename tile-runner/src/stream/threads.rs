@@ -8,6 +8,14 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::error::Error;
 
+/// As many threads as there are processors, or fewer if fewer are asked for: more take memory and are no faster. As many as are asked for where the system does not tell.
+pub fn threads_to_use(asked: Option<NonZeroUsize>) -> NonZeroUsize {
+    match std::thread::available_parallelism() {
+        Ok(processors) => asked.map_or(processors, |asked| asked.min(processors)),
+        Err(_) => asked.unwrap_or(NonZeroUsize::MIN),
+    }
+}
+
 /// Bytes of stack that `threads` threads touch.
 pub(crate) fn stack_bytes(threads: u64) -> u64 {
     threads.saturating_mul(STACK as u64)

@@ -141,6 +141,13 @@ fn what_is_wrong_with_files() {
         };
     let plain = options();
     fails(
+        &noisy,
+        &path("clean.png"),
+        &plain,
+        LINPRED_ERROR_ARGUMENT,
+        "cannot be called",
+    );
+    fails(
         &path("none.exr"),
         &clean,
         &plain,

@@ -158,11 +158,20 @@ def denoise(
     >>> bool(clean.colour.std() < 0.1 * noisy.std())
     True
     """
-    given = _given(
-        colour,
-        dict(variance=variance, halves=halves, alpha=alpha, features=features, layers=layers, scalars=scalars),
-        dict(albedo=albedo, normal=normal, depth=depth),
-        dict(albedo=albedo_variance, normal=normal_variance, depth=depth_variance),
+    given = dict(
+        colour=colour,
+        variance=variance,
+        halves=halves,
+        albedo=albedo,
+        normal=normal,
+        depth=depth,
+        albedo_variance=albedo_variance,
+        normal_variance=normal_variance,
+        depth_variance=depth_variance,
+        features=features,
+        alpha=alpha,
+        layers=layers,
+        scalars=scalars,
     )
     planes = _planes(given, 2)
     options = computing(quality, coverage, formulas, threads)
@@ -267,8 +276,9 @@ def _single_rows(rows: Iterable[Mapping[str, Any]], names: list[Name]) -> Genera
     """The rows one by one, each with the arrays of the first in their order, whose names are written to ``names``."""
     y = 0
     for given in rows:
-        several = np.ndim(mapping("row", given).get("colour", 0)) > 2
-        planes = {(role, name): array for role, name, array in _planes(_row_given(given), 2 if several else 1)}
+        row = _row(given)
+        several = np.ndim(row["colour"]) > 2
+        planes = {(role, name): array for role, name, array in _planes(row, 2 if several else 1)}
         if not names:
             names.extend(planes)
         if set(names) != set(planes):
@@ -278,45 +288,46 @@ def _single_rows(rows: Iterable[Mapping[str, Any]], names: list[Name]) -> Genera
             y += 1
 
 
-ROW_ARRAYS = {"colour", "variance", "halves", "alpha", "features", "layers", "scalars", *FEATURES, *(f"{name}_variance" for name in FEATURES)}
+ARRAYS = {"colour", "variance", "halves", *FEATURES, *(f"{name}_variance" for name in FEATURES), "features", "alpha", "layers", "scalars"}
+"""What the arguments of :func:`denoise` that hold arrays are called, and the entries of a row."""
 
 
-def _row_given(given: Mapping[str, Any]) -> dict[str, Any]:
-    unknown = set(given) - ROW_ARRAYS
+def _row(given: object) -> dict[str, Any]:
+    """A row as the arguments of :func:`denoise` that it stands for."""
+    row = mapping("row", given)
+    unknown = set(row) - ARRAYS
     if unknown:
-        raise ValueError(f"row: {', '.join(sorted(map(repr, unknown)))} is none of {', '.join(sorted(ROW_ARRAYS))}")
-    if "colour" not in given:
+        raise ValueError(f"row: {', '.join(sorted(map(repr, unknown)))} is none of {', '.join(sorted(ARRAYS))}")
+    if "colour" not in row:
         raise ValueError("row: there is no colour")
-    others = {name: given.get(name) for name in ("variance", "halves", "alpha", "features", "layers", "scalars")}
-    features = {name: given.get(name) for name in FEATURES}
-    variances = {name: given.get(f"{name}_variance") for name in FEATURES}
-    return _given(given["colour"], others, features, variances)
+    return {name: row.get(name) for name in ARRAYS}
 
 
-def _given(
-    colour: ArrayLike, others: dict[str, Any], features: dict[str, Any], variances: dict[str, Any]
-) -> dict[str, Any]:
-    """Features from both places in one, so that each is there once."""
-    if others["variance"] is not None and others["halves"] is not None:
-        raise ValueError("variance and halves both say what the noise is: give one of them")
-    for name, feature in mapping("features", others.pop("features")).items():
+def _features(given: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
+    """The features that there are, in their own order, each with its variance or None, from either place where they may be given."""
+    found = {name: (given[name], given[f"{name}_variance"]) for name in FEATURES}
+    for name, feature in mapping("features", given["features"]).items():
         if name not in FEATURES:
             raise ValueError(f"features: {name!r} is none that this version knows: {', '.join(FEATURES)}")
-        if features[name] is not None:
+        own, variance = found[name]
+        if own is not None:
             raise ValueError(f"{name} is given twice: as an argument and in features")
         if isinstance(feature, tuple):
             if len(feature) != 2:
                 raise ValueError(f"features: {name!r} is a tuple of {len(feature)}: it is (array, variance), or an array")
-            feature, variances[name] = feature
-        features[name] = feature
-    for name, variance in variances.items():
-        if variance is not None and features[name] is None:
+            feature, variance = feature
+        found[name] = feature, variance
+    for name, (feature, variance) in found.items():
+        if feature is None and variance is not None:
             raise ValueError(f"{name}_variance is given without {name}")
-    return dict(colour=colour, **others, feature=features, feature_variance=variances)
+    return {name: pair for name, pair in found.items() if pair[0] is not None}
 
 
-def _planes(given: dict[str, Any], dimensions: int) -> list[Plane]:
-    """The arrays that are there, as (role, name, array), each with rows, columns and channels."""
+def _planes(given: Mapping[str, Any], dimensions: int) -> list[Plane]:
+    """The arrays that there are of :data:`ARRAYS`, as (role, name, array), each with rows, columns and channels."""
+    if given["variance"] is not None and given["halves"] is not None:
+        raise ValueError("variance and halves both say what the noise is: give one of them")
+    features = _features(given)
     colour = _array("colour", given["colour"], 3, dimensions, None)
     size = colour.shape[:2]
 
@@ -331,12 +342,11 @@ def _planes(given: dict[str, Any], dimensions: int) -> list[Plane]:
             raise ValueError("halves: it is a pair of arrays, the means of either half of the samples")
         for role, half in zip(("half_a", "half_b"), given["halves"]):
             planes.append((role, "", plane("halves", half, 3)))
-    for name, channels in FEATURES.items():
-        if given["feature"][name] is not None:
-            planes.append((name, "", plane(name, given["feature"][name], channels)))
-        if given["feature_variance"][name] is not None:
+    for name, (feature, variance) in features.items():
+        planes.append((name, "", plane(name, feature, FEATURES[name])))
+        if variance is not None:
             role = f"{name}_variance"
-            planes.append((role, "", plane(role, given["feature_variance"][name], channels)))
+            planes.append((role, "", plane(role, variance, FEATURES[name])))
     if given["alpha"] is not None:
         planes.append(("alpha", "", plane("alpha", given["alpha"], 1)))
     for name, layer in mapping("layers", given["layers"]).items():

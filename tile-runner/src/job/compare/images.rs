@@ -14,6 +14,7 @@ use crate::image::source::ExrSource;
 use crate::job::input::{Input, InputRequest};
 use crate::job::memory::DEFAULT_MEMORY_LIMIT;
 use crate::row::{InputRow, RowSource};
+use crate::stream::threads::threads_to_use;
 
 /// Which images are compared.
 #[derive(Clone, Debug)]
@@ -42,7 +43,7 @@ impl CompareRequest {
             input: None,
             map: Vec::new(),
             memory_limit: DEFAULT_MEMORY_LIMIT,
-            threads: std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN),
+            threads: threads_to_use(None),
         }
     }
 
