@@ -88,14 +88,22 @@ class Live:
         return mean.reshape(SIZE, SIZE, 3), variance.reshape(SIZE, SIZE, 3)
 
 
-def series(name: str, scenes: Path, cache: Path) -> tuple[np.ndarray, np.ndarray]:
-    """The scene's samples, from `cache`, rendered into it where they are not there."""
-    files = [cache / f"{name}_{which}.npy" for which in ("c", "f")]
-    if not all(file.is_file() for file in files):
+def render_series(name: str, scenes: Path, cache: Path) -> None:
+    """Renders the scene's samples into `cache`, if they are not there."""
+    if not all(file.is_file() for file in _files(name, cache)):
         print(f"{name}: rendering samples", flush=True)
-        for file, array in zip(files, Live(scenes, name).series(SERIES.get(name, SERIES_OTHERWISE))):
+        for file, array in zip(_files(name, cache), Live(scenes, name).series(SERIES.get(name, SERIES_OTHERWISE))):
             _save(file, array)
-    return np.load(files[0], mmap_mode="r"), np.load(files[1], mmap_mode="r")
+
+
+def series(name: str, cache: Path) -> np.ndarray:
+    """The scene's samples, (pixels, samples, 10) float32, as they were rendered into `cache`."""
+    colour, features = (np.load(file, mmap_mode="r") for file in _files(name, cache))
+    return np.concatenate([colour, features], axis=-1, dtype=np.float32)
+
+
+def _files(name: str, cache: Path) -> list[Path]:
+    return [cache / f"{name}_{which}.npy" for which in ("c", "f")]
 
 
 def reference(name: str, scenes: Path, cache: Path, stored: Path, referee) -> tuple[np.ndarray, np.ndarray]:
