@@ -30,6 +30,11 @@ pub(crate) fn ln_f64(x: f64) -> f64 {
     libm::log(x)
 }
 
+/// e to the power of `x` in double precision, within 1 unit in the last place; 0 at minus infinity.
+pub(crate) fn exp_f64(x: f64) -> f64 {
+    libm::exp(x)
+}
+
 /// The larger; not `f32::max`, whose care for NaN costs.
 #[inline(always)]
 pub(crate) fn larger(a: f32, b: f32) -> f32 {

@@ -20,6 +20,7 @@
 //! | grain smoothed, twice | row | [`weigh_pixels`], [`smooth`] |
 //! | specks taken out | row | [`despeckle`] |
 //! | light that was lost given back | row | [`compare_light`], [`find_factors`] |
+//! | how many samples a pixel should get | pixel | [`Sampler`] |
 //!
 //! A **block** is [`BLOCK_WIDTH`] x [`BLOCK_HEIGHT`] pixels with a halo of each function's own ([`WEIGHTS_HALO`], [`PREFILTER_HALO`],
 //! [`NOISE_HALO`]). A **cell** is [`CELL`] x [`CELL`] pixels; with the [`HALO`] around it that its windows read it is a [`Tile`].
@@ -76,6 +77,7 @@ mod float;
 mod lanes;
 mod least_squares;
 mod params;
+mod sampling;
 mod tile;
 
 pub use blend::{Denoised, LayerTile, Predictions, Sum, resolve, resolve_layer, resolve_scalar};
@@ -107,6 +109,7 @@ pub use least_squares::normal_equations::{Gram, NormalEquations, NotFinite, Solu
 pub use least_squares::prior::Prior;
 pub use least_squares::rls::{Rls, Taken};
 pub use params::{Formulas, Params, Quality};
+pub use sampling::{Sampler, pixel_hash};
 pub use tile::{
     CELL, CHANNELS, FeatureSet, HALO, OtherFeatures, Pixel, PixelState, RADIUS, SETS, TILE,
     TILE_AREA, Tile, WINDOW_AREA,

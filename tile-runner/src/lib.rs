@@ -10,6 +10,7 @@
 //! - **Slow ends.** [`overlap`] reads ahead of the pipeline and writes behind it.
 //! - **Files.** [`job`] does what the commands do: an EXR file is denoised into another, inspected, compared, put together of bands.
 //!   [`channels`] says which of its channels plays which role.
+//! - **Where more samples would help.** [`sampling`] makes the map of samples that a renderer should take next, of rows or of files.
 //! - **What is in an image.** [`survey`] goes through the stages before the fit and counts what a run will skip.
 //!
 //! The same input and [`Params`] give the same bits, whatever the threads, the processor's instruction set, or the order in which rows became ready.
@@ -50,12 +51,14 @@ pub mod exr_file;
 mod geometry;
 pub mod image;
 pub mod job;
+mod quantile;
 mod row;
+pub mod sampling;
 mod stream;
 
 pub use error::{Error, Remedy, Setting};
 pub use geometry::ImageSize;
-pub use linpred_core::{FEATURE_NAMES, FEATURES, Feature, Formulas, Params, Quality};
+pub use linpred_core::{FEATURE_NAMES, FEATURES, Feature, Formulas, Params, Quality, Sampler};
 pub use row::{InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
 pub use stream::pipeline::{Options, denoise};
 pub use stream::report::{Counts, Report};

@@ -38,6 +38,8 @@ pub struct RowLayout {
     pub alpha: bool,
     /// Other channels that are no light (depths, masks, vectors), denoised likewise.
     pub scalars: usize,
+    /// Whether it says how many samples each pixel has, which [`sampling`](crate::sampling) asks for.
+    pub samples: bool,
     /// Columns at either end that are not the image's own, and not counted.
     pub(crate) margin: usize,
 }
@@ -53,6 +55,7 @@ impl RowLayout {
             layers: 0,
             alpha: false,
             scalars: 0,
+            samples: false,
             margin: 0,
         }
     }
@@ -90,6 +93,14 @@ impl RowLayout {
     /// With this many channels that are no light.
     pub fn with_scalars(self, scalars: usize) -> Self {
         Self { scalars, ..self }
+    }
+
+    /// With the samples of each pixel.
+    pub fn with_samples(self) -> Self {
+        Self {
+            samples: true,
+            ..self
+        }
     }
 
     /// Pixels that are the image's own.
@@ -138,6 +149,8 @@ pub struct InputRow {
     pub alpha: Vec<f32>,
     /// Channels that are no light.
     pub scalars: Vec<Vec<f32>>,
+    /// How many samples each pixel has; empty unless the layout says so.
+    pub samples: Vec<f32>,
 }
 
 impl InputRow {
@@ -156,6 +169,7 @@ impl InputRow {
             layers: (0..layout.layers).map(|_| planes(width)).collect(),
             alpha: vec![0.0; if layout.alpha { width } else { 0 }],
             scalars: vec![vec![0.0; width]; layout.scalars],
+            samples: vec![0.0; if layout.samples { width } else { 0 }],
         }
     }
 
@@ -174,7 +188,9 @@ impl InputRow {
         let features = self.features.iter().chain(&self.feature_variances);
         let radiance = self.colour.iter().chain(&self.variance);
         let layers = self.layers.iter().flatten();
-        let scalars = std::iter::once(&self.alpha).chain(&self.scalars);
+        let scalars = [&self.alpha, &self.samples]
+            .into_iter()
+            .chain(&self.scalars);
         radiance.chain(features).chain(layers).chain(scalars)
     }
 
@@ -183,7 +199,9 @@ impl InputRow {
         let features = self.features.iter_mut().chain(&mut self.feature_variances);
         let radiance = self.colour.iter_mut().chain(&mut self.variance);
         let layers = self.layers.iter_mut().flatten();
-        let scalars = std::iter::once(&mut self.alpha).chain(&mut self.scalars);
+        let scalars = [&mut self.alpha, &mut self.samples]
+            .into_iter()
+            .chain(&mut self.scalars);
         radiance.chain(features).chain(layers).chain(scalars)
     }
 
@@ -206,12 +224,13 @@ impl InputRow {
             && self.alpha.len() == if layout.alpha { width } else { 0 }
             && self.scalars.len() == layout.scalars
             && whole(&self.scalars)
+            && self.samples.len() == if layout.samples { width } else { 0 }
     }
 
     /// Bytes of a row.
     pub fn bytes(layout: &RowLayout) -> u64 {
         let features = layout.features.iter().filter(|present| **present).count();
-        let planes = 6 + 2 * features + layout.following_planes();
+        let planes = 6 + 2 * features + layout.following_planes() + usize::from(layout.samples);
         plane_bytes(layout.size, 1, planes)
     }
 }
@@ -309,8 +328,18 @@ pub trait RowSource: Send {
     fn layout(&self) -> RowLayout;
 
     /// Fills `row` (made by [`InputRow::new`] for this layout) with row `y`. The pipeline asks for every row once,
-    /// from 0 to `height - 1`.
+    /// from 0 to `height - 1`; what takes several runs says so.
     fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), crate::error::Error>;
+}
+
+impl<S: RowSource + ?Sized> RowSource for &mut S {
+    fn layout(&self) -> RowLayout {
+        (**self).layout()
+    }
+
+    fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), crate::error::Error> {
+        (**self).read_row(y, row)
+    }
 }
 
 /// Takes the rows of a denoised image; a function of a row's number and the row does. An error of its own is an [`Error::renderer`](crate::Error::renderer).

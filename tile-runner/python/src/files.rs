@@ -36,7 +36,7 @@ pub(crate) struct Reading {
 }
 
 impl Reading {
-    fn request(self) -> PyResult<InputRequest> {
+    pub(crate) fn request(self) -> PyResult<InputRequest> {
         let refused = |words: String| PyValueError::new_err(words);
         let preset = Preset::named(&self.preset);
         if preset.is_none() && self.preset != "auto" {

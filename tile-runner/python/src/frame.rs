@@ -64,6 +64,9 @@ pub(crate) fn frame<'a>(planes: &'a [Plane<'_>]) -> Result<Frame<'a>, Error> {
     if let Some(alpha) = pixels("alpha") {
         frame = frame.with_alpha(alpha)?;
     }
+    if let Some(samples) = pixels("samples") {
+        frame = frame.with_samples(samples)?;
+    }
     for plane in planes {
         let pixels = || plane.array.pixels();
         frame = match plane.role.as_str() {

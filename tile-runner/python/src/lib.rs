@@ -8,6 +8,7 @@ mod frame;
 mod options;
 mod report;
 mod rows;
+mod sampling;
 mod watch;
 
 use pyo3::prelude::*;
@@ -23,6 +24,8 @@ mod _linpred {
     use super::frame::denoise;
     #[pymodule_export]
     use super::rows::Rows;
+    #[pymodule_export]
+    use super::sampling::{sample_map, sample_map_file};
 
     #[pymodule_export]
     const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -64,6 +64,17 @@ pub(crate) fn find(
     })
 }
 
+/// Whether an attribute of this name states samples per pixel.
+pub(crate) fn is_attribute(name: &str) -> bool {
+    INT_ATTRIBUTES.contains(&name) || cycles_layer(name).is_some()
+}
+
+/// What stands before `samples` in an attribute of Cycles, `cycles.<view layer>.samples`: the view layer and a dot.
+fn cycles_layer(name: &str) -> Option<&str> {
+    let own = name.strip_prefix("cycles.")?.strip_suffix("samples")?;
+    own.ends_with('.').then_some(own)
+}
+
 /// The samples per pixel that a part's attributes state.
 fn attribute(part: &Part, prefix: &str) -> Option<(f32, String)> {
     let int = INT_ATTRIBUTES.iter().find_map(|name| {
@@ -73,8 +84,8 @@ fn attribute(part: &Part, prefix: &str) -> Option<(f32, String)> {
     int.or_else(|| {
         part.attributes.iter().find_map(|attribute| {
             let name = std::str::from_utf8(&attribute.name).ok()?;
-            let own = name.strip_prefix("cycles.")?.strip_suffix("samples")?;
-            if !(own.ends_with('.') && (prefix.is_empty() || own == prefix)) {
+            let own = cycles_layer(name)?;
+            if !(prefix.is_empty() || own == prefix) {
                 return None;
             }
             let count: u32 = std::str::from_utf8(&attribute.value)

@@ -5,9 +5,9 @@ use std::path::PathBuf;
 
 use crate::channels::{Mapping, PRESET_NAMES};
 use crate::job::{Band, parse_frames};
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{ArgGroup, Args, Parser, Subcommand, ValueEnum};
 
-use super::number::{parse_coverage, parse_spp, parse_threads};
+use super::number::{parse_budget, parse_coverage, parse_error, parse_spp, parse_threads};
 use super::size::parse_size;
 
 /// What the end of the process says.
@@ -70,6 +70,8 @@ pub(crate) enum Command {
     Compare(CompareArguments),
     /// Put the bands of an image together
     Stitch(StitchArguments),
+    /// Say where a renderer should take more samples
+    SampleMap(SampleMapArguments),
 }
 
 impl Command {
@@ -79,6 +81,7 @@ impl Command {
             Self::Denoise(denoise) => denoise.progress == ProgressStyle::Openjd,
             Self::Inspect(inspect) => inspect.survey.progress == Some(ProgressStyle::Openjd),
             Self::Stitch(stitch) => stitch.progress == StitchProgress::Openjd,
+            Self::SampleMap(map) => map.progress == ProgressStyle::Openjd,
             Self::Compare(_) => false,
         }
     }
@@ -297,6 +300,56 @@ pub(crate) enum StitchProgress {
     Openjd,
     /// Nothing
     None,
+}
+
+#[derive(Debug, Args)]
+#[command(
+    group = ArgGroup::new("goal").required(true).multiple(true).args(["budget", "target_error"]),
+    after_help = "\
+The map has the window of the picture and one channel, samples: whole numbers as floats. They sum up to the budget exactly, and are the same on any
+number of threads. The image must say how many samples its pixels have (a channel, an attribute, or --spp); with variances the map is better.
+
+An error is relative here: the estimated squared error of a denoised pixel over the mean square of its colour and 0.003, averaged over 5 x 5 pixels; the
+predicted error of the image is the mean of that, and comparable with the rMSE of 'linpred compare'.
+
+Exit codes: 10 the error is as small as --target-error already, and the map all 0; else as for denoise.
+
+Examples:
+  linpred sample-map noisy.exr -o map.exr --budget 8
+  linpred sample-map noisy.exr -o map.exr --target-error 0.005
+  linpred sample-map noisy.exr -o map.exr --target-error 0.005 --budget 16 --picture map.png
+  linpred merge noisy.exr second_pass.exr -o all.exr       once the renderer has followed the map"
+)]
+pub(crate) struct SampleMapArguments {
+    #[command(flatten)]
+    pub(crate) input: InputArguments,
+    /// The map, OpenEXR
+    #[arg(short, long, value_name = "MAP.exr")]
+    pub(crate) output: PathBuf,
+    /// How many more samples a pixel should get, on average
+    #[arg(long, value_name = "SAMPLES", value_parser = parse_budget)]
+    pub(crate) budget: Option<f64>,
+    /// As many samples as it takes until the predicted error of the denoised image is so small; with --budget, no more than that
+    #[arg(long, value_name = "ERROR", value_parser = parse_error)]
+    pub(crate) target_error: Option<f64>,
+    /// How the image is denoised to see where it is wrong; a better quality takes longer and finds no better map
+    #[arg(long, value_enum, default_value_t = QualityName::Fast)]
+    pub(crate) quality: QualityName,
+    /// Write a picture of the map: black nothing, white the most that a pixel gets, by the logarithm
+    #[arg(long, value_name = "OUT.png")]
+    pub(crate) picture: Option<PathBuf>,
+    /// Threads that compute, at most one on each processor; the result does not depend on it [default: all processors]
+    #[arg(long, value_name = "N", value_parser = parse_threads)]
+    pub(crate) threads: Option<NonZeroUsize>,
+    /// Memory that may be used, such as 256M; a job that needs more is refused before it begins [default: 2G]
+    #[arg(long, value_name = "SIZE", value_parser = parse_size)]
+    pub(crate) max_memory: Option<u64>,
+    /// How progress is shown on standard error, as for denoise
+    #[arg(long, value_enum, default_value_t = ProgressStyle::Auto)]
+    pub(crate) progress: ProgressStyle,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

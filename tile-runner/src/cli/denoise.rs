@@ -132,13 +132,8 @@ impl Run {
 }
 
 fn options(arguments: &DenoiseArguments) -> JobOptions {
-    let quality = match arguments.quality {
-        QualityName::Fast => Quality::Fast,
-        QualityName::Balanced => Quality::Balanced,
-        QualityName::High => Quality::High,
-    };
     let mut params = match arguments.formulas {
-        FormulasName::Robust => Params::new(quality),
+        FormulasName::Robust => Params::new(quality(arguments.quality)),
         FormulasName::Literal => Params::literal(),
     };
     if let Some(coverage) = arguments.coverage {
@@ -155,6 +150,14 @@ fn options(arguments: &DenoiseArguments) -> JobOptions {
     match arguments.band {
         Some(band) => options.with_band(band),
         None => options,
+    }
+}
+
+pub(crate) fn quality(name: QualityName) -> Quality {
+    match name {
+        QualityName::Fast => Quality::Fast,
+        QualityName::Balanced => Quality::Balanced,
+        QualityName::High => Quality::High,
     }
 }
 

@@ -49,6 +49,7 @@ fn advice(remedy: Remedy) -> &'static str {
         Remedy::SamplesOrNoVariance => {
             "; add --spp N, or --map variance=none to estimate the variance from the picture"
         }
+        Remedy::Samples => "; add --spp N, or --map samples=CHANNEL",
         Remedy::NoVariance => {
             ", or add --map variance=none to estimate the variance from the picture"
         }

@@ -52,8 +52,12 @@ pub(super) fn colour(error: f32) -> [u8; 3] {
         return NO_NUMBER;
     }
     let decades = (BRIGHTEST / DARKEST).log10();
-    let place =
-        ((error.max(DARKEST) / DARKEST).log10() / decades).min(1.0) * (RAMP.len() - 1) as f32;
+    ramp((error.max(DARKEST) / DARKEST).log10() / decades)
+}
+
+/// The colour at a place on the way from black, at 0, to white, from 1 on.
+pub(super) fn ramp(place: f32) -> [u8; 3] {
+    let place = place.min(1.0) * (RAMP.len() - 1) as f32;
     let below = (place as usize).min(RAMP.len() - 2);
     let share = place - below as f32;
     let mix = |k: usize| RAMP[below][k] * (1.0 - share) + RAMP[below + 1][k] * share;

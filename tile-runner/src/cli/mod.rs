@@ -21,6 +21,7 @@ mod picture;
 mod png_rows;
 mod progress;
 mod report;
+mod sample_map;
 mod size;
 mod stdout;
 mod stitch;
@@ -47,6 +48,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Inspect(inspect) => inspect::run(inspect),
         Command::Compare(compare) => compare::run(compare),
         Command::Stitch(stitch) => stitch::run(stitch),
+        Command::SampleMap(map) => sample_map::run(map),
     };
     result.unwrap_or_else(|error| {
         if for_openjd {

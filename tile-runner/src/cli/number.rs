@@ -4,6 +4,7 @@ use std::num::{NonZeroU32, NonZeroUsize};
 use std::str::FromStr;
 
 use crate::Error;
+use crate::sampling::Goal;
 
 /// Parses a number of threads.
 pub(crate) fn parse_threads(text: &str) -> Result<NonZeroUsize, Error> {
@@ -29,6 +30,18 @@ pub(crate) fn parse_coverage(text: &str) -> Result<u16, Error> {
         1..=1024 => Ok(number),
         _ => Err(Error::Usage(advice.into())),
     }
+}
+
+/// Parses samples per pixel, on average.
+pub(crate) fn parse_budget(text: &str) -> Result<f64, Error> {
+    let samples = parse(text, "write a number above 0, such as 8")?;
+    Goal::budget(samples).map(|_| samples)
+}
+
+/// Parses a relative error.
+pub(crate) fn parse_error(text: &str) -> Result<f64, Error> {
+    let error = parse(text, "write a number above 0, such as 0.005")?;
+    Goal::error(error).map(|_| error)
 }
 
 fn parse<T: FromStr>(text: &str, advice: &str) -> Result<T, Error> {

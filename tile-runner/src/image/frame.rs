@@ -76,6 +76,7 @@ pub struct Frame<'a> {
     layers: Vec<Kept<'a>>,
     alpha: Option<Kept<'a>>,
     scalars: Vec<Kept<'a>>,
+    samples: Option<Kept<'a>>,
     other: Vec<f32>,
 }
 
@@ -98,6 +99,7 @@ impl<'a> Frame<'a> {
             layers: Vec::new(),
             alpha: None,
             scalars: Vec::new(),
+            samples: None,
         })
     }
 
@@ -175,6 +177,13 @@ impl<'a> Frame<'a> {
         self.layout.scalars += 1;
         Ok(self)
     }
+
+    /// How many samples each pixel has.
+    pub fn with_samples(mut self, samples: impl Pixels + 'a) -> Result<Self, Error> {
+        self.samples = Some(kept("samples", 1, &self.layout, samples)?);
+        self.layout.samples = true;
+        Ok(self)
+    }
 }
 
 impl std::fmt::Debug for Frame<'_> {
@@ -248,6 +257,9 @@ impl RowSource for Frame<'_> {
         }
         for (pixels, plane) in self.scalars.iter().zip(&mut row.scalars) {
             pixels.read_row(0, y, plane);
+        }
+        if let Some(samples) = &self.samples {
+            samples.read_row(0, y, &mut row.samples);
         }
         Ok(())
     }

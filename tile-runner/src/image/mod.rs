@@ -1,7 +1,9 @@
 //! An image in a file as rows in and rows out, and one in memory as rows in.
 
 pub(crate) mod area;
+mod chunk;
 pub(crate) mod frame;
+pub(crate) mod new_image;
 pub(crate) mod part_in_progress;
 pub(crate) mod rewrite;
 pub(crate) mod sink;

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use exr::meta::attribute::{ChannelList, IntegerBounds, SampleType};
-use half::f16;
+use exr::meta::attribute::IntegerBounds;
 
 use crate::error::Error;
 use crate::exr_file::compression::SharedCodec;
 use crate::exr_file::writer::ExrWriter;
 use crate::exr_file::{ExrFile, PartRows, check_decodable};
+use crate::image::chunk::{Lines, encode_samples, write_chunk};
 use crate::image::rewrite::{Fill, RewrittenPart};
 use crate::row::OutputRow;
 
@@ -136,23 +136,8 @@ impl PartInProgress {
         }
         for column in 0..grid.columns() {
             self.assemble(column, chunk_row)?;
-            let bounds = grid.bounds(column, chunk_row);
-            self.codec
-                .lock()
-                .encode(&self.part.header, &mut self.chunk, bounds)
-                .map_err(|error| {
-                    Error::Unsupported(format!(
-                        "{}: part {}: row {}: cannot be compressed: {error}",
-                        writer.path().display(),
-                        self.part.index,
-                        first.position.1
-                    ))
-                })?;
-            writer.write_chunk(
-                self.part.index,
-                chunk_row * grid.columns() + column,
-                &self.chunk,
-            )?;
+            let (header, place) = (&self.part.header, (self.part.index, column, chunk_row));
+            write_chunk(writer, &self.codec, header, grid, place, &mut self.chunk)?;
         }
         Ok(())
     }
@@ -228,79 +213,5 @@ impl PartInProgress {
             }
         }
         Ok(())
-    }
-}
-
-/// Where each line of each channel lies in a chunk.
-struct Lines {
-    width: usize,
-    bytes_per_pixel: usize,
-    starts: Vec<usize>,
-    sizes: Vec<usize>,
-}
-
-impl Lines {
-    fn new(channels: &ChannelList, bounds: IntegerBounds) -> Self {
-        let sizes = channels
-            .list
-            .iter()
-            .map(|c| c.sample_type.bytes_per_sample())
-            .collect();
-        let starts = channels
-            .channels_with_byte_offset()
-            .map(|(start, _)| start)
-            .collect();
-        let bytes_per_pixel = channels.bytes_per_pixel;
-        Self {
-            width: bounds.size.0,
-            bytes_per_pixel,
-            starts,
-            sizes,
-        }
-    }
-
-    fn range(&self, channel: usize, line: usize) -> std::ops::Range<usize> {
-        let start = line * self.width * self.bytes_per_pixel + self.width * self.starts[channel];
-        start..start + self.width * self.sizes[channel]
-    }
-}
-
-/// Writes `values` as samples in native byte order. Returns how many finite values would have become infinite.
-fn encode_samples(kind: SampleType, values: &[f32], out: &mut [u8]) -> u64 {
-    match kind {
-        SampleType::F32 => {
-            out.copy_from_slice(bytemuck::cast_slice(values));
-            0
-        }
-        SampleType::F16 => {
-            let mut clamped = 0;
-            let (samples, _) = out.as_chunks_mut::<2>();
-            for (sample, &value) in samples.iter_mut().zip(values) {
-                let mut half = f16::from_f32(value);
-                if half.is_infinite() && value.is_finite() {
-                    half = if value > 0.0 { f16::MAX } else { f16::MIN };
-                    clamped += 1;
-                }
-                *sample = bytemuck::cast(half);
-            }
-            clamped
-        }
-        // refused when the output was planned
-        SampleType::U32 => unreachable!("integers are not denoised"),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_value_beyond_half_precision_becomes_the_largest_half_and_is_counted() {
-        let mut halves = [f16::ZERO; 4];
-        let values = [1.0, 70000.0, -1e9, 65504.0];
-        let bytes = bytemuck::bytes_of_mut(&mut halves);
-        let clamped = encode_samples(SampleType::F16, &values, bytes);
-        assert_eq!(halves.map(f16::to_f32), [1.0, 65504.0, -65504.0, 65504.0]);
-        assert_eq!(clamped, 2);
     }
 }

@@ -313,7 +313,7 @@ impl Rewrite {
 }
 
 /// The value of the `compression` attribute for zip with 16 rows per chunk.
-const ZIP16_CODE: u8 = 3;
+pub(super) const ZIP16_CODE: u8 = 3;
 
 /// Whether DWA puts a channel of this name through its cosine transform; it recognises colours by their last component
 /// (OpenEXR's `sDefaultChannelRules`), and stores the rest without loss. B44 and PXR24 lose nothing the second time.
@@ -394,7 +394,8 @@ fn add_channels(
     fills
 }
 
-fn encode_channels(channels: &ChannelList) -> Vec<u8> {
+/// The value of the `channels` attribute.
+pub(super) fn encode_channels(channels: &ChannelList) -> Vec<u8> {
     let mut bytes = Vec::new();
     for channel in &channels.list {
         bytes.extend_from_slice(channel.name.bytes());

@@ -45,6 +45,8 @@ pub struct ExrSource {
     alpha: Option<Channels>,
     /// Of each layer that is no light.
     scalars: Vec<Channels>,
+    /// Samples of each pixel, if they are wanted.
+    samples: Option<Count>,
     layers_off: u64,
 }
 
@@ -98,12 +100,28 @@ impl ExrSource {
             layers: light.into_iter().map(channels).collect(),
             alpha,
             scalars: plain.into_iter().map(channels).collect(),
+            samples: None,
             layers_off: 0,
         };
         for at in source.channels() {
             source.planes.open(files, at, limit)?;
         }
         Ok(source)
+    }
+
+    /// Reads how many samples each pixel has, too. Errors as for [`new`](Self::new).
+    pub(crate) fn with_samples(
+        mut self,
+        files: &[Arc<ExrFile>],
+        count: Count,
+        limit: u64,
+    ) -> Result<Self, Error> {
+        if let Count::Channel { at, .. } = count {
+            self.planes.open(files, at, limit)?;
+        }
+        self.layout.samples = true;
+        self.samples = Some(count);
+        Ok(self)
     }
 
     /// Pixels read so far whose layers do not sum to the colour, to the precision of half floats. 0 without layers.
@@ -173,6 +191,10 @@ impl RowSource for ExrSource {
             planes.read(layer, y, own, None)?;
             scalars = rest;
         }
+        if self.samples.is_some() {
+            planes.counts(self.samples, y)?;
+            row.samples.copy_from_slice(&planes.count);
+        }
         if !self.layers.is_empty() {
             self.layers_off += count_off(row);
         }
@@ -222,6 +244,7 @@ pub(crate) fn layout(roles: &Roles, size: ImageSize, layers: &[Layer]) -> RowLay
         scalars: (layers.iter().filter(|layer| !layer.is_light))
             .map(|layer| layer.channels.len())
             .sum(),
+        samples: false,
         margin: 0,
     }
 }

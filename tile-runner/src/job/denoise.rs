@@ -300,7 +300,7 @@ fn run_in_turns(
 }
 
 /// Runs the pipeline; reads ahead and writes behind it if the schedule says so.
-fn run(
+pub(super) fn run(
     source: &mut dyn RowSource,
     sink: &mut dyn RowSink,
     params: Params,

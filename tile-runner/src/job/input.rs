@@ -282,6 +282,22 @@ impl Input {
     }
 }
 
+/// Opens a file for what takes one picture. [`Error::Unsupported`] if it has several; and the errors of [`Input::open_all`].
+pub fn only_picture(request: &InputRequest) -> Result<Input, Error> {
+    let mut pictures = Input::open_all(request)?;
+    if let [first, second, ..] = &pictures[..] {
+        return Err(Error::Unsupported(format!(
+            "{}: has {} pictures ({}, {}{}): map the colour of one",
+            request.path.display(),
+            pictures.len(),
+            first.roles.label(),
+            second.roles.label(),
+            if pictures.len() > 2 { ", ..." } else { "" }
+        )));
+    }
+    Ok(pictures.swap_remove(0))
+}
+
 /// What a user should know before pictures are denoised.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Remark {

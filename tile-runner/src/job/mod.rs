@@ -1,4 +1,4 @@
-//! What one command does: a file is denoised, inspected, compared with another, put together of bands.
+//! What one command does: a file is denoised, inspected, compared with another, put together of bands, looked at for where samples are missing.
 //!
 //! ```no_run
 //! use std::path::Path;
@@ -27,6 +27,7 @@ mod memory;
 mod options;
 mod output_name;
 mod plan;
+mod sample_map;
 mod sequence;
 mod stitch;
 
@@ -36,11 +37,12 @@ pub use compare::{
     tone_mapped, worst_places,
 };
 pub use denoise::{Summary, denoise, rows_to_write};
-pub use input::{Input, InputRequest, Remark, Wrap, remarks};
+pub use input::{Input, InputRequest, Remark, Wrap, only_picture, remarks};
 pub use inspect::{Inspection, PartInfo, RoleInfo, describe, inspect, inspect_with, survey};
 pub use memory::{DEFAULT_MEMORY_LIMIT, MemoryPlan, check_memory};
 pub use options::JobOptions;
 pub use output_name::check_output_name;
 pub use plan::{Schedule, plan};
+pub use sample_map::{MAP_CHANNEL, rows_to_measure, sample_map};
 pub use sequence::{Frame, FramePattern, frames, parse_frames};
 pub use stitch::stitch;

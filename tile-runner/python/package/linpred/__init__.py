@@ -9,6 +9,10 @@ Files, as the command ``linpred`` (also ``python -m linpred``) denoises them::
 
     linpred.denoise_file("noisy.exr", "clean.exr", quality="high")
 
+Where a renderer should take more samples, of arrays and of files::
+
+    linpred.sample_map(colour, variance=variance, samples=4, budget=8).samples
+
 Frames larger than memory, row by row: :func:`denoise_rows`. What is in a file, and how far it is from a reference: :func:`inspect`,
 :func:`compare`.
 
@@ -29,6 +33,7 @@ from linpred._files import (
 )
 from linpred._frames import Denoised, DenoisedRow, Report, Rows, denoise, denoise_rows
 from linpred._linpred import VERSION as __version__
+from linpred._sampling import SampleMap, SampleReport, sample_map, sample_map_file
 
 __all__ = [
     "Denoised",
@@ -39,6 +44,8 @@ __all__ = [
     "Plan",
     "Report",
     "Rows",
+    "SampleMap",
+    "SampleReport",
     "SequenceError",
     "__version__",
     "compare",
@@ -47,5 +54,7 @@ __all__ = [
     "denoise_rows",
     "inspect",
     "plan",
+    "sample_map",
+    "sample_map_file",
     "stitch",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 import warnings as python_warnings
 from dataclasses import dataclass
 from typing import Any, Callable, Iterable, Mapping
@@ -180,8 +181,17 @@ class _Told:
         self._index, self._done = self._index + 1, 0
 
 
-def _warn(text: str) -> None:
-    python_warnings.warn(text, InputWarning, stacklevel=4)
+def warn(text: str) -> None:
+    """Warns the caller of the package of what is odd about a file."""
+    python_warnings.warn(text, InputWarning, stacklevel=_depth())
+
+
+def _depth() -> int:
+    """How far up the first caller is that is not of this package."""
+    depth, frame = 1, sys._getframe(1)
+    while frame.f_back is not None and frame.f_globals.get("__package__") == __package__:
+        depth, frame = depth + 1, frame.f_back
+    return depth
 
 
 def _one(
@@ -194,7 +204,7 @@ def _one(
 ) -> FileReport:
     if skip_existing and os.path.isfile(write["output"]):
         return FileReport(read["path"], write["output"], frame, skipped=True)
-    done = _linpred.denoise_file(read, write, compute, _warn, told)
+    done = _linpred.denoise_file(read, write, compute, warn, told)
     return FileReport(
         read["path"],
         write["output"],

@@ -173,7 +173,7 @@ def denoise(
         layers=layers,
         scalars=scalars,
     )
-    planes = _planes(given, 2)
+    planes = planes_of(given, 2)
     options = computing(quality, coverage, formulas, threads)
     arrays, report = _linpred.denoise(planes, options, as_function(progress))
     return Denoised(**_named(arrays, [plane[:2] for plane in planes]), report=Report(**report))
@@ -278,7 +278,7 @@ def _single_rows(rows: Iterable[Mapping[str, Any]], names: list[Name]) -> Genera
     for given in rows:
         row = _row(given)
         several = np.ndim(row["colour"]) > 2
-        planes = {(role, name): array for role, name, array in _planes(row, 2 if several else 1)}
+        planes = {(role, name): array for role, name, array in planes_of(row, 2 if several else 1)}
         if not names:
             names.extend(planes)
         if set(names) != set(planes):
@@ -323,7 +323,7 @@ def _features(given: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
     return {name: pair for name, pair in found.items() if pair[0] is not None}
 
 
-def _planes(given: Mapping[str, Any], dimensions: int) -> list[Plane]:
+def planes_of(given: Mapping[str, Any], dimensions: int) -> list[Plane]:
     """The arrays that there are of :data:`ARRAYS`, as (role, name, array), each with rows, columns and channels."""
     if given["variance"] is not None and given["halves"] is not None:
         raise ValueError("variance and halves both say what the noise is: give one of them")
@@ -354,6 +354,17 @@ def _planes(given: Mapping[str, Any], dimensions: int) -> list[Plane]:
     for name, scalar in mapping("scalars", given["scalars"]).items():
         planes.append(("scalar", name, plane(f"scalars[{name!r}]", scalar, 1)))
     return planes
+
+
+def samples_plane(samples: ArrayLike, size: tuple[int, ...]) -> Plane:
+    """The samples of each pixel, or one number for all, of any type, as a plane."""
+    try:
+        array = np.asarray(samples, dtype=np.float32)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"samples: {error}") from None
+    if array.ndim == 0:
+        array = np.broadcast_to(array, size)
+    return "samples", "", _array("samples", array, 1, 2, size)
 
 
 def _array(

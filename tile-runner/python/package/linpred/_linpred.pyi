@@ -15,6 +15,8 @@ __all__ = [
     "inspect",
     "main",
     "plan",
+    "sample_map",
+    "sample_map_file",
     "stitch",
 ]
 
@@ -59,4 +61,18 @@ def compare(
     max_memory: str | None,
 ) -> str: ...
 def stitch(bands: list[str], output: str) -> None: ...
+def sample_map(
+    arrays: list[tuple[str, str, Any]],
+    wanted: tuple[float | None, float | None],
+    computing: dict[str, Any],
+    progress: Callable[[int, int], object] | None,
+) -> tuple[Any, dict[str, Any]]: ...
+def sample_map_file(
+    reading: dict[str, Any],
+    output: str,
+    wanted: tuple[float | None, float | None],
+    computing: dict[str, Any],
+    warn: Callable[[str], object],
+    progress: Callable[[int, int], object] | None,
+) -> dict[str, Any]: ...
 def main(arguments: list[str]) -> int: ...

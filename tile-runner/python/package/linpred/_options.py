@@ -31,6 +31,16 @@ def whole_or_none(name: str, value: object) -> int | None:
     return None if value is None else whole(name, value)
 
 
+def number_or_none(name: str, value: object) -> float | None:
+    """A number, if there is one."""
+    if value is None:
+        return None
+    try:
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        raise _type(name, value, "a number") from None
+
+
 def text(name: str, value: object) -> str:
     """A string."""
     if not isinstance(value, str):

@@ -9,7 +9,6 @@ mod images;
 mod light;
 mod pixels;
 mod places;
-mod quantile;
 mod reference;
 mod specks;
 mod window;

@@ -4,10 +4,10 @@ use std::cell::Cell;
 use std::sync::atomic::AtomicBool;
 
 use crate::error::Error;
+use crate::quantile::{self, quantile, values_at};
 
 use super::flip::Exposures;
 use super::images::Images;
-use super::quantile::{self, quantile, values_at};
 use super::window::luminance;
 
 /// Share of the reference's pixels that are no highlights.

@@ -7,7 +7,7 @@ const DIGIT: u32 = 16;
 /// Values that are collected and sorted at last: they take as much memory as the bins do.
 const COLLECTED: u64 = 1 << 16;
 /// Bytes of bins and collected values of `places` that are searched for at once.
-pub(super) const fn bytes(places: u64) -> u64 {
+pub(crate) const fn bytes(places: u64) -> u64 {
     places * 2 * COLLECTED * size_of::<u64>() as u64
 }
 
@@ -15,7 +15,7 @@ pub(super) const fn bytes(places: u64) -> u64 {
 ///
 /// `pass` gives all values to its argument, the same ones whenever it is called, none of them NaN: some two or three times, at most five. A place is asked for
 /// after the first time, with the number of the values, and lies among them.
-pub(super) fn values_at<const N: usize>(
+pub(crate) fn values_at<const N: usize>(
     places: [&dyn Fn(u64) -> f64; N],
     mut pass: impl FnMut(&mut dyn FnMut(f64)) -> Result<(), Error>,
 ) -> Result<[f64; N], Error> {
@@ -111,7 +111,7 @@ impl Search {
 }
 
 /// The place below which `share` of so many values lies, as `numpy.quantile` defines it.
-pub(super) fn quantile(share: f64, values: u64) -> f64 {
+pub(crate) fn quantile(share: f64, values: u64) -> f64 {
     share * (values - 1) as f64
 }
 
