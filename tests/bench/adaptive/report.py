@@ -14,10 +14,9 @@ import numpy as np
 
 COLOURS = {"uniform": "#555555", "linpred": "#c0392b", "own variance": "#b8860b", "Cycles-like": "#2980b9", "LPR": "#8e44ad", "oracle": "#27ae60"}
 COMPARED = (8, 16, 36, 64)
-CROPS = {"courtyard": (96, 120), "toasters": (110, 70), "sibenik": (70, 96), "pool": (100, 60), "backdrop": (96, 96)}
-"""Upper left corner (x, y) of the part that is shown enlarged."""
 CROP = 64
-SHOWN = "toasters"
+SHOWN, CORNER = "toasters", (186, 50)
+"""The scene of the pictures, and the upper left corner (x, y) of what is shown enlarged."""
 
 
 COLUMNS = ("scene", "seed", "method", "total", "samples", "most", "rmse", "psnr", "flip", "energy", "capped")
@@ -166,9 +165,10 @@ def pictures(kept: dict[str, dict[str, np.ndarray]], folder: Path) -> None:
     if SHOWN not in kept:
         return
     found = kept[SHOWN]
-    panels = [_srgb(found["uniform"]), _srgb(found["linpred"]), _srgb(found["reference"]), _shade(found["linpred map"])]
+    shade = np.repeat(_shade(found["linpred map"])[..., None], 3, axis=-1)
+    panels = [_srgb(found["uniform"]), _srgb(found["linpred"]), _srgb(found["reference"]), shade]
     _png(folder / "adaptive.png", np.concatenate(panels, axis=1))
-    x, y = CROPS[SHOWN]
+    x, y = CORNER
     crops = [panel[y : y + CROP, x : x + CROP].repeat(4, 0).repeat(4, 1) for panel in panels]
     _png(folder / "adaptive-crop.png", np.concatenate(crops, axis=1))
 
@@ -176,7 +176,7 @@ def pictures(kept: dict[str, dict[str, np.ndarray]], folder: Path) -> None:
 def _shade(counts: np.ndarray) -> np.ndarray:
     """Samples per pixel as grey: each doubling is a step, from 4 (black) to 128 (white)."""
     grey = np.clip(np.log2(np.maximum(counts, 1) / 4) / 5, 0, 1)
-    return np.repeat(np.round(255 * grey).astype(np.uint8)[..., None], 3, axis=-1)
+    return np.round(255 * grey).astype(np.uint8)
 
 
 def _srgb(colour: np.ndarray) -> np.ndarray:

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Error of the denoised picture against samples per pixel, by who says where the samples go. See README.md here.
+"""Error of the denoised picture against samples per pixel, by who says where the samples go. See README.md beside it.
 
     python tests/bench/adaptive/run.py --scenes ../shared/mitsuba --out DIR [--stored ../shared/scenes] [--referee ../shared/tools] [--cache DIR]
 """

@@ -96,7 +96,8 @@ class Loop:
         """Renders until there is enough; where it ended, and why: ``"spp"``, ``"error"``, ``"time"``, or ``"exact"`` where no pixel varies any more."""
         self._warm_up()
         if not self._passes():
-            self._render(np.full((self.view.height, self.view.width), min(FIRST, self.options.spp)))
+            first = min(FIRST, self.options.spp)
+            self._render(np.full((self.view.height, self.view.width), first), first)
         while True:
             found = self._assess()
             where = self._where(found)
@@ -106,7 +107,7 @@ class Loop:
                 self._finish()
                 return where, why
             self._show(where, found["seconds"])
-            self._render(_passes.counts(self.view, str(self.folder.path / _map(where.number))))
+            self._render(_passes.counts(self.view, str(self.folder.path / _map(where.number))), found["added"])
 
     def _finish(self) -> None:
         merged = self.folder.path / MERGED
@@ -135,7 +136,8 @@ class Loop:
         one.reshape(-1)[:2] = 2
         _passes.trace(self.view, one, self.options.seed, 0)
 
-    def _render(self, counts: Any) -> None:
+    def _render(self, counts: Any, asked: float) -> None:
+        """Renders the next pass: ``asked`` samples per pixel on average, as the map says. It leaves out of its averages what is black and empty up to an edge."""
         number = len(self._passes())
 
         def make(part: Path) -> dict[str, Any]:
@@ -143,7 +145,7 @@ class Loop:
             found = _passes.trace(self.view, counts, self.options.seed, number, lambda done, of_all: self.watch.rendering(number + 1, done, of_all))
             seconds = time.monotonic() - began
             _passes.write(self.view, found, str(part))
-            return {"asked": float(counts.mean()), "left_out": found.left_out, "seconds": seconds}
+            return {"asked": float(asked), "left_out": found.left_out, "seconds": seconds}
 
         self.folder.add(_pass(number), make, self._spent)
 
