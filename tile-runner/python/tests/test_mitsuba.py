@@ -178,6 +178,22 @@ def test_a_loop_ends_with_its_samples_and_a_denoised_picture(scene: Path, tmp_pa
     assert not linpred.mitsuba.passes_of(clean).exists()
 
 
+def test_what_is_black_and_empty_counts_for_no_average(scene: Path, tmp_path: Path) -> None:
+    # the sphere alone, in the middle of nothing
+    scene.write_text("".join(line for line in SCENE.splitlines(keepends=True) if "rectangle" not in line))
+    done = linpred.mitsuba.render(scene, tmp_path / "clean.exr", spp=12, noisy=tmp_path / "all.exr")
+    assert (done.ended, done.passes) == ("spp", 3) and done.samples == pytest.approx(12)
+    assert read(tmp_path / "all.exr")["sampleCount"][0].max() == 4
+
+
+def test_a_picture_without_noise_is_not_rendered_on_and_on(scene: Path, tmp_path: Path) -> None:
+    kept = SCENE.index("<shape")
+    scene.write_text(SCENE[:kept] + '<emitter type="constant"/></scene>')
+    done = linpred.mitsuba.render(scene, tmp_path / "clean.exr", spp=64)
+    assert (done.ended, done.passes, done.error) == ("exact", 1, 0)
+    assert np.unique(read(tmp_path / "clean.exr")["R"]).size == 1
+
+
 def test_passes_that_are_kept_are_gone_on_from(scene: Path, tmp_path: Path) -> None:
     clean = tmp_path / "clean.exr"
     linpred.mitsuba.render(scene, clean, spp=8, keep=True)
@@ -337,8 +353,10 @@ def test_what_makes_no_sense_is_refused_in_a_sentence(
 
 
 def test_a_scene_that_cannot_be_rendered_is_refused(mi: Any, scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    scene.write_text(SCENE.replace('integrator type="path"', 'integrator type="ptracer"'))
-    for path, sentence in ((scene, "ParticleTracerIntegrator"), (tmp_path / "none.xml", "none.xml: no such scene"), (__file__, "Mitsuba cannot load it")):
+    light, differentiated = tmp_path / "light.xml", tmp_path / "differentiated.xml"
+    light.write_text(SCENE.replace('integrator type="path"', 'integrator type="ptracer"'))
+    differentiated.write_text(SCENE.replace('integrator type="path"', 'integrator type="prb"'))
+    for path, sentence in ((light, "ParticleTracerIntegrator"), (differentiated, "PRBIntegrator"), (tmp_path / "none.xml", "none.xml: no such scene"), (__file__, "Mitsuba cannot load it")):
         assert command.main([str(path), "-o", str(tmp_path / "clean.exr")]) == 3
         assert sentence in capsys.readouterr().err
     with pytest.raises(TypeError, match="neither a path nor a scene"):

@@ -43,7 +43,7 @@ class Rendered:
     Attributes:
         output: The denoised file.
         passes: How many there were, those of runs before that were ended among them.
-        samples: Samples per pixel, on average.
+        samples: Samples per pixel, on average; rows and columns along the edges that are black and empty do not count.
         error: The predicted relative error of the denoised picture: mean over the pixels of estimated squared error over squared radiance + 0.003.
         ended: Why: ``"spp"``, ``"error"`` (below the target), ``"time"``, or ``"exact"`` (no pixel varies).
         left_out: Samples with a value that is not finite: they are in no mean.

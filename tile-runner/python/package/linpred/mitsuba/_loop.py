@@ -38,7 +38,7 @@ class Pass:
 
     Attributes:
         number: Of the pass, from 1.
-        samples: Samples per pixel so far, on average.
+        samples: Samples per pixel so far, on average; rows and columns along the edges that are black and empty do not count.
         most: The most that the next pass gives a pixel.
         error: The predicted relative error of the denoised picture now: mean over the pixels of estimated squared error over squared radiance + 0.003.
         rendering: Seconds of rendering so far.
@@ -137,7 +137,8 @@ class Loop:
         _passes.trace(self.view, one, self.options.seed, 0)
 
     def _render(self, counts: Any, asked: float) -> None:
-        """Renders the next pass: ``asked`` samples per pixel on average, as the map says. It leaves out of its averages what is black and empty up to an edge."""
+        """Renders the next pass: ``asked`` samples per pixel on average, as the map says. Its averages are those of ``linpred.sample_map_file``, which leaves out what is black
+        and empty along the edges."""
         number = len(self._passes())
 
         def make(part: Path) -> dict[str, Any]:
@@ -187,7 +188,7 @@ class Loop:
         if found["step"] == 0.0:
             asked = sum(done["asked"] for done in self._passes())
             return "spp" if self.options.spp - asked < LEAST else "time"
-        return "exact" if found["added"] == 0.0 else None
+        return "exact" if where.error == 0.0 else None
 
     def _where(self, found: dict[str, Any]) -> Pass:
         passes = self._passes()

@@ -129,7 +129,9 @@ def view(mi: Any, scene: Any, name: str, sensor: int) -> View:
 
 
 def _kind(thing: Any) -> str:
-    return str(thing.class_name() if hasattr(thing, "class_name") else type(thing).__name__)
+    """What Mitsuba calls a class of its own; those in Python say the name of the one they are made of."""
+    in_python = type(thing).__module__.startswith("mitsuba.python")
+    return type(thing).__name__ if in_python else str(thing.class_name())
 
 
 def _channels(names: list[str]) -> tuple[int, ...]:
