@@ -3,14 +3,14 @@
 
     python tests/bench/adaptive/outliers.py [--region 1] [--runs 8]
 
-A wall of radiance 1: 64 samples in each pixel, uniform from 0 to 2. In REGION x REGION pixels in its middle some of the samples are replaced by outliers, which a
-renderer draws where it samples badly what matters. Of these pixels the table tells estimated over true relative error, geometric mean over runs with other samples:
+A wall of radiance 1: 64 samples in each pixel, uniform from 0 to 2. In REGION x REGION pixels in its middle some of the samples are replaced by outliers,
+which a renderer draws where it samples badly what matters. Of these pixels the table tells estimated over true relative error:
 
-naive     Var / (N I^2), I the pixel's own mean, over Var / N: the figure's e_a / e_r
-medians   the paper's own, I replaced by the mean of medians of chunks of 10 samples, over 3 x 3 pixels
-denoised  the same variance, I replaced by what linpred makes of the pixel: how linpred makes an error relative
-linpred   linpred's predicted squared error over its colour's square and 0.003, over what its squared error is, over 1.003. Means over the runs are taken of either
-          before they are divided: a squared error is no expectation
+naive     Var / (N I^2), I the pixel's own mean, over Var / N: the figure's e_a / e_r; geometric mean over runs with other samples
+medians   the paper's own, I replaced by the mean of medians of chunks of 10 samples, over 3 x 3 pixels; likewise
+denoised  the same variance, I replaced by what linpred makes of the pixel: how linpred makes an error relative; likewise
+linpred   linpred's predicted squared error over its colour's square and 0.003, over what its squared error is, over 1.003: means over the runs of
+          either, divided, because one run's squared error is no expectation
 """
 
 from __future__ import annotations
@@ -82,7 +82,8 @@ def main() -> None:
             if ratios[0] < 0.1:
                 misled += 1
                 within = [seen + (1 / 3 <= ratio <= 3) for seen, ratio in zip(within, ratios[1:])]
-    print(f"\nWhere the naive estimate is below 0.1 of the true one ({misled} rows), within 1/3 to 3 of it: medians {within[0]}, denoised {within[1]}, linpred {within[2]}.")
+    found = ", ".join(f"{name} {seen}" for name, seen in zip(("medians", "denoised", "linpred"), within))
+    print(f"\nWhere the naive estimate is below 0.1 of the true one ({misled} rows), within 1/3 to 3 of it: {found}.")
 
 
 if __name__ == "__main__":

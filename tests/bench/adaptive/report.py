@@ -56,18 +56,26 @@ class Figures:
     def curve(self, scene: str, method: str) -> tuple[np.ndarray, np.ndarray]:
         """Samples per pixel and rMSE, mean over the seeds."""
         samples = sorted({key[3] for key in self._rows if key[0] == scene and key[2] == method})
-        return np.array(samples), np.array([np.mean(self.of(scene, method, one, "rmse")) for one in samples])
+        return np.array(samples), np.array([self.mean(scene, method, one, "rmse") for one in samples])
+
+    def mean(self, scene: str, method: str, samples: int, name: str) -> float:
+        """Over the seeds."""
+        return float(np.mean(self.of(scene, method, samples, name)))
 
     def over_uniform(self, scene: str, method: str, samples: int, name: str = "rmse") -> float:
         """Geometric mean over the seeds."""
         here, there = (np.log(self.of(scene, one, samples, name)) for one in (method, "uniform"))
         return float(np.exp(np.mean(here - there)))
 
+    def decibels(self, scene: str, method: str) -> float:
+        """PSNR less that of uniform sampling, 16 samples."""
+        return self.mean(scene, method, 16, "psnr") - self.mean(scene, "uniform", 16, "psnr")
+
     def saved(self, scene: str, method: str, samples: int) -> str:
         """How many times the samples uniform sampling needs for the same error."""
         at, errors = self.curve(scene, "uniform")
         errors = np.minimum.accumulate(errors)
-        error = np.mean(self.of(scene, method, samples, "rmse"))
+        error = self.mean(scene, method, samples, "rmse")
         if error < errors[-1]:
             return f"> {at[-1] / samples:.2f}"
         return f"{np.exp(np.interp(-np.log(error), -np.log(errors), np.log(at))) / samples:.2f}"
@@ -80,35 +88,49 @@ def geometric(values: list[float]) -> float:
 def table(folder: Path) -> None:
     """Writes the figures as tables."""
     figures = Figures(folder)
-    others = [scene for scene in figures.scenes if scene != "backdrop"]
-    methods = [method for method in COLOURS if method != "uniform"]
-    text = [f"Means over {len(figures.seeds)} runs with other samples; `mean` is the geometric one over the scenes but backdrop, four fifths of which have no noise.\n"]
-
-    def section(title: str, cell, mean=geometric, form: str = ".3f", which: list[str] = methods) -> None:
-        text.append(f"## {title}\n\n| method | {' | '.join(figures.scenes)} | mean |\n|---|{'---|' * (len(figures.scenes) + 1)}")
-        for method in which:
-            values = {scene: cell(scene, method) for scene in figures.scenes}
-            of_all = "" if mean is None else format(mean([values[scene] for scene in others]), form)
-            shown = (value if isinstance(value, str) else format(value, form) for value in values.values())
-            text.append(f"| {method} | {' | '.join(shown)} | {of_all} |")
-        text.append("")
-
+    text = [
+        f"Means over {len(figures.seeds)} runs with other samples. The last column is the mean over the scenes but backdrop, four fifths of",
+        "which have no noise: the geometric one of ratios. Samples are those of a pixel, on average.\n",
+    ]
+    tables = Tables(figures, text)
     for samples in COMPARED:
-        section(f"rMSE over that of uniform sampling, {samples} samples per pixel", lambda s, m: figures.over_uniform(s, m, samples))
-    section("The same, the worse run, 16 samples per pixel", lambda s, m: max(np.divide(figures.of(s, m, 16, "rmse"), figures.of(s, "uniform", 16, "rmse"))), max)
-    section("rMSE, 16 samples per pixel", lambda s, m: float(np.mean(figures.of(s, m, 16, "rmse"))), geometric, ".5f", ["uniform", *methods])
-    section("PSNR less that of uniform sampling, dB, 16 samples per pixel",
-            lambda s, m: float(np.mean(np.subtract(figures.of(s, m, 16, "psnr"), figures.of(s, "uniform", 16, "psnr")))), np.mean, "+.2f")  # fmt: skip
-    section("FLIP over that of uniform sampling, 16 samples per pixel", lambda s, m: figures.over_uniform(s, m, 16, "flip"))
+        tables.add(f"rMSE over that of uniform sampling, {samples} samples", lambda s, m: figures.over_uniform(s, m, samples))
+    tables.add("The same, 16 samples, the worse run", lambda s, m: float(max(_ratios(figures, s, m, "uniform"))), max)
+    tables.add("rMSE, 16 samples", lambda s, m: figures.mean(s, m, 16, "rmse"), form=".5f", methods=tuple(COLOURS))
+    tables.add("PSNR less that of uniform sampling, dB, 16 samples", figures.decibels, np.mean, "+.2f")
+    tables.add("FLIP over that of uniform sampling, 16 samples", lambda s, m: figures.over_uniform(s, m, 16, "flip"))
     for samples in (16, 64):
-        section(f"Energy (mean over the reference's), {samples} samples per pixel", lambda s, m: float(np.mean(figures.of(s, m, samples, "energy"))), np.mean, ".4f", ["uniform", *methods])
-        section(f"Samples that uniform sampling needs for the same rMSE over those of the method, {samples} samples per pixel", lambda s, m: figures.saved(s, m, samples), None)
-    section("rMSE over that with the oracle's map, 16 samples per pixel", lambda s, m: geometric(np.divide(figures.of(s, m, 16, "rmse"), figures.of(s, "oracle", 16, "rmse"))))
-    section("The most samples that a pixel got, of 16 on average", lambda s, m: float(max(figures.of(s, m, 16, "most"))), None, ".0f")
-    section("Share of the pixels that got all the samples there were, of 64 on average", lambda s, m: float(np.mean(figures.of(s, m, 64, "capped"))), None, ".4f")
+        tables.add(f"Energy: mean over the reference's, {samples} samples", lambda s, m: figures.mean(s, m, samples, "energy"), np.mean, ".4f", tuple(COLOURS))
+    for samples in (16, 64):
+        tables.add(f"How many times the {samples} samples uniform sampling needs for the same rMSE", lambda s, m: figures.saved(s, m, samples), None)
+    tables.add("rMSE over that with the oracle's map, 16 samples", lambda s, m: geometric(_ratios(figures, s, m, "oracle")))
+    tables.add("The most samples that a pixel got, 16 samples", lambda s, m: max(figures.of(s, m, 16, "most")), None, ".0f")
+    tables.add("Share of the pixels that got all the samples there were, 64 samples", lambda s, m: figures.mean(s, m, 64, "capped"), None, ".4f")
     text.extend(_correlations(figures))
     text.extend(_seconds(folder))
     (folder / "table.md").write_text("\n".join(text))
+
+
+class Tables:
+    """Tables of methods and scenes, added to lines of text."""
+
+    def __init__(self, figures: Figures, text: list[str]) -> None:
+        self._scenes, self._text = figures.scenes, text
+
+    def add(self, title: str, cell, mean=geometric, form: str = ".3f", methods: tuple[str, ...] = tuple(COLOURS)[1:]) -> None:
+        """A table: `cell` of scene and method, `mean` of the scenes but backdrop, if there is any."""
+        self._text.append(f"## {title}\n\n| method | {' | '.join(self._scenes)} | mean |\n|---|{'---|' * (len(self._scenes) + 1)}")
+        for method in methods:
+            values = {scene: cell(scene, method) for scene in self._scenes}
+            of_all = "" if mean is None else format(mean([value for scene, value in values.items() if scene != "backdrop"]), form)
+            shown = (value if isinstance(value, str) else format(value, form) for value in values.values())
+            self._text.append(f"| {method} | {' | '.join(shown)} | {of_all} |")
+        self._text.append("")
+
+
+def _ratios(figures: Figures, scene: str, method: str, other: str) -> np.ndarray:
+    """Of rMSE at 16 samples, for each seed."""
+    return np.divide(figures.of(scene, method, 16, "rmse"), figures.of(scene, other, 16, "rmse"))
 
 
 def _correlations(figures: Figures) -> list[str]:
@@ -125,7 +147,8 @@ def _seconds(folder: Path) -> list[str]:
         seconds = list(csv.DictReader(file))
     if not seconds:
         return []
-    lines = ["## Seconds of a whole loop, `linpred.mitsuba.render`\n", "| scene | samples per pixel | passes | rendering | everything else | share |", "|---|---|---|---|---|---|"]
+    lines = ["## Seconds of a whole loop, `linpred.mitsuba.render`\n"]
+    lines += ["| scene | samples per pixel | passes | rendering | everything else | share |", "|---|---|---|---|---|---|"]
     for row in seconds:
         rendering, other = float(row["rendering"]), float(row["other"])
         lines.append(f"| {row['scene']} | {row['samples']} | {row['passes']} | {rendering:.1f} | {other:.1f} | {other / (rendering + other):.0%} |")

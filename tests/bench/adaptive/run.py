@@ -75,8 +75,9 @@ def measured(task: Task):
         found = score.errors(picture, reference, variance)
         flip = score.flip(picture, reference) if total == LOOKED_AT else ""
         counts = camera.counts
+        got = (float(counts.mean()), int(counts.max()))
         capped = float((counts >= camera.most).mean())
-        rows.append((task.scene, task.seed, method, total, float(counts.mean()), int(counts.max()), found["rmse"], found["psnr"], flip, found["energy"], capped))
+        rows.append((task.scene, task.seed, method, total, *got, found["rmse"], found["psnr"], flip, found["energy"], capped))
         if total == LOOKED_AT:
             kept[method], kept[f"{method} map"] = picture, counts.copy()
 

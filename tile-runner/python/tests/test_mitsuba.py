@@ -241,6 +241,25 @@ def test_a_loop_that_is_killed_wherever_it_is_ends_with_the_same_bits(scene: Pat
     assert clean.read_bytes() == straight.read_bytes()
 
 
+def test_a_pass_that_was_half_written_is_none(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    straight, clean, write = tmp_path / "straight.exr", tmp_path / "clean.exr", _passes.write
+    linpred.mitsuba.render(scene, straight, spp=8)
+
+    def half(view: _scene.View, found: _passes.Statistics, path: str) -> None:
+        write(view, found, path)
+        data = Path(path).read_bytes()
+        Path(path).write_bytes(data[: len(data) // 2])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(_passes, "write", half)
+    with pytest.raises(KeyboardInterrupt):
+        linpred.mitsuba.render(scene, clean, spp=8)
+    monkeypatch.undo()
+    assert not list(linpred.mitsuba.passes_of(clean).glob("pass-*.exr"))
+    linpred.mitsuba.render(scene, clean, spp=8)
+    assert clean.read_bytes() == straight.read_bytes()
+
+
 def test_a_pass_that_was_lost_is_made_again(scene: Path, tmp_path: Path) -> None:
     straight, clean = tmp_path / "straight.exr", tmp_path / "clean.exr"
     linpred.mitsuba.render(scene, straight, spp=12, keep=True)
@@ -356,7 +375,12 @@ def test_a_scene_that_cannot_be_rendered_is_refused(mi: Any, scene: Path, tmp_pa
     light, differentiated = tmp_path / "light.xml", tmp_path / "differentiated.xml"
     light.write_text(SCENE.replace('integrator type="path"', 'integrator type="ptracer"'))
     differentiated.write_text(SCENE.replace('integrator type="path"', 'integrator type="prb"'))
-    for path, sentence in ((light, "ParticleTracerIntegrator"), (differentiated, "PRBIntegrator"), (tmp_path / "none.xml", "none.xml: no such scene"), (__file__, "Mitsuba cannot load it")):
+    for path, sentence in (
+        (light, "ParticleTracerIntegrator"),
+        (differentiated, "PRBIntegrator"),
+        (tmp_path / "none.xml", "none.xml: no such scene"),
+        (__file__, "Mitsuba cannot load it"),
+    ):
         assert command.main([str(path), "-o", str(tmp_path / "clean.exr")]) == 3
         assert sentence in capsys.readouterr().err
     with pytest.raises(TypeError, match="neither a path nor a scene"):

@@ -9,15 +9,15 @@ or, from Python, with a path or a scene that is loaded::
     report = linpred.mitsuba.render("scene.xml", "clean.exr", spp=32, target_error=0.002)
     report.samples, report.error
 
-The first pass renders 4 samples of every pixel. After each pass the passes are merged (:func:`linpred.merge`), linpred predicts what error its picture has and where more
-samples lower it most (:func:`linpred.sample_map_file`), and the next pass renders those: 8, 12, 16 samples per pixel in all, then by half again, until there are enough,
-or the predicted error is below the target, or the time is up.
+The first pass renders 4 samples of every pixel. After each pass the passes are merged (:func:`linpred.merge`), linpred predicts what error its picture has
+and where more samples lower it most (:func:`linpred.sample_map_file`), and the next pass renders those: 8, 12, 16 samples per pixel in all, then by half
+again, until there are enough, or the predicted error is below the target, or the time is up.
 
-What is needed to go on is kept beside the output, in ``clean.exr.passes``. After a crash, a kill or Ctrl-C the same call goes on where it ended, to the same bits as if nothing
-had happened.
+What is needed to go on is kept beside the output, in ``clean.exr.passes``. After a crash, a kill or Ctrl-C the same call goes on where it ended, to the same
+bits as if nothing had happened.
 
-Mitsuba is no dependency of linpred: ``pip install 'linpred[mitsuba]'``. Its LLVM variants need an LLVM library on the machine (Debian: ``libllvm19``; where Dr.Jit finds
-another that fails, its path in ``DRJIT_LIBLLVM_PATH``).
+Mitsuba is no dependency of linpred: ``pip install 'linpred[mitsuba]'``. Its LLVM variants need an LLVM library on the machine (Debian: ``libllvm19``; where
+Dr.Jit finds another that fails, its path in ``DRJIT_LIBLLVM_PATH``).
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Rendered:
         ended: Why: ``"spp"``, ``"error"`` (below the target), ``"time"``, or ``"exact"`` (no pixel varies).
         left_out: Samples with a value that is not finite: they are in no mean.
         rendering: Seconds in Mitsuba.
-        other: Seconds of merging, mapping and denoising.
+        other: Seconds of writing passes, merging, mapping and denoising; loading the scene and building Mitsuba's kernels is in neither.
         notes: What is not rendered as the scene says.
     """
 
@@ -83,8 +83,8 @@ def render(
 ) -> Rendered:
     """Renders a scene of Mitsuba 3 adaptively, and denoises it.
 
-    Each sample is a path of the scene's own integrator through a random point of a pixel, for that pixel alone (box filter): pixels have to be independent for their noise to
-    be told from detail. Thin lenses, shutters and crop windows are the sensor's. The alpha of the film is not kept.
+    Each sample is a path of the scene's own integrator through a random point of a pixel, for that pixel alone (box filter): pixels have to be independent
+    for their noise to be told from detail. Thin lenses, shutters and crop windows are the sensor's. The alpha of the film is not kept.
 
     Args:
         scene: The scene's XML file, or a ``mitsuba.Scene``.
@@ -114,7 +114,8 @@ def render(
         MemoryError: linpred needs more memory than ``max_memory`` allows.
         KeyboardInterrupt: Ctrl-C was pressed; the same call goes on from the last pass.
     """
-    return _render(scene, _options(output, spp, target_error, time, quality, seed, noisy, keep, threads, max_memory), whole("sensor", sensor), variant, restart, _Calls(progress))
+    options = _options(output, spp, target_error, time, quality, seed, noisy, keep, threads, max_memory)
+    return _render(scene, options, whole("sensor", sensor), variant, restart, _Calls(progress))
 
 
 class _Calls(_loop.Watch):

@@ -46,7 +46,8 @@ def arguments() -> argparse.ArgumentParser:
     """What the command line takes."""
     parser = argparse.ArgumentParser(
         prog="python -m linpred.mitsuba",
-        description="Renders a scene with Mitsuba 3 where samples help the denoised picture most, and denoises it. After a crash or Ctrl-C the same command goes on.",
+        description="Renders a scene with Mitsuba 3 where samples help the denoised picture most, and denoises it.",
+        epilog="After a crash or Ctrl-C the same command goes on where it was ended.",
     )
     parser.add_argument("scene", help="the scene, an XML file of Mitsuba 3")
     parser.add_argument("-o", "--output", required=True, metavar="CLEAN.exr", help="the denoised file; renewed between passes")

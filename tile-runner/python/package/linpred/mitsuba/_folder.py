@@ -1,7 +1,7 @@
 """What a loop keeps beside its output, so that it can go on after whatever ended it.
 
-Every file appears whole: it is written under another name and renamed. What is to be said of a file is written to ``loop.json`` first, so that a file that is there has
-its entry; an entry without its file is that of a file which is about to be made again, with the same bits.
+Every file appears whole: it is written under another name and renamed. What is to be said of a file is written to ``loop.json`` first, so that a file that is
+there has its entry; an entry without its file is that of a file which is about to be made again, with the same bits.
 """
 
 from __future__ import annotations

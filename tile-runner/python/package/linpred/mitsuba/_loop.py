@@ -42,7 +42,7 @@ class Pass:
         most: The most that the next pass gives a pixel.
         error: The predicted relative error of the denoised picture now: mean over the pixels of estimated squared error over squared radiance + 0.003.
         rendering: Seconds of rendering so far.
-        other: Seconds of everything else so far.
+        other: Seconds of everything else so far, but those of loading the scene and building Mitsuba's kernels.
     """
 
     number: int
@@ -137,16 +137,17 @@ class Loop:
         _passes.trace(self.view, one, self.options.seed, 0)
 
     def _render(self, counts: Any, asked: float) -> None:
-        """Renders the next pass: ``asked`` samples per pixel on average, as the map says. Its averages are those of ``linpred.sample_map_file``, which leaves out what is black
-        and empty along the edges."""
+        """Renders the next pass: ``asked`` samples per pixel on average, as its map says. Averages are those of ``linpred.sample_map_file``,
+        which leaves out what is black and empty along the edges.
+        """
         number = len(self._passes())
 
         def make(part: Path) -> dict[str, Any]:
             began = time.monotonic()
             found = _passes.trace(self.view, counts, self.options.seed, number, lambda done, of_all: self.watch.rendering(number + 1, done, of_all))
-            seconds = time.monotonic() - began
+            traced = time.monotonic()
             _passes.write(self.view, found, str(part))
-            return {"asked": float(asked), "left_out": found.left_out, "seconds": seconds}
+            return {"asked": float(asked), "left_out": found.left_out, "seconds": traced - began, "writing": time.monotonic() - traced}
 
         self.folder.add(_pass(number), make, self._spent)
 
@@ -176,8 +177,8 @@ class Loop:
         if self.options.time is not None:
             last = passes[-1]
             costs = [found["seconds"] for number in range(1, len(passes) + 1) if (found := self.folder.of(_map(number)))]
-            # its assessment, and the picture at the end, which takes about as long
-            other = 2 * costs[-1] if costs else 0.0
+            # its file and its assessment, and the picture at the end, which takes about as long
+            other = last["writing"] + 2 * costs[-1] if costs else 0.0
             step = min(step, (self.options.time - self._spent() - other) * last["asked"] / max(last["seconds"], 1e-3))
         return step if step >= LEAST else 0.0
 
@@ -194,7 +195,7 @@ class Loop:
         passes = self._passes()
         rendering = sum(done["seconds"] for done in passes)
         maps = (self.folder.of(_map(number)) for number in range(1, len(passes) + 1))
-        other = sum(one["seconds"] for one in maps if one is not None) + self._pictures
+        other = sum(done["writing"] for done in passes) + sum(one["seconds"] for one in maps if one is not None) + self._pictures
         return Pass(len(passes), found["samples"], int(found["most"]), found["error"], rendering, other)
 
     def _show(self, where: Pass, assessed: float) -> None:

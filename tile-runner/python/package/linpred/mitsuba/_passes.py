@@ -1,8 +1,8 @@
 """A pass: so many samples of each pixel, their mean, and the variance of that mean.
 
-Samples are traced in wavefronts of bounded size. A wavefront holds whole pixels, a pixel's samples lie side by side in it, and a second kernel with a lane for each
-pixel adds them up in that order, in double precision and less the pixel's first sample: a pixel that never varies has a variance of exactly 0, and no bit
-depends on threads.
+Samples are traced in wavefronts of bounded size. A wavefront holds whole pixels, a pixel's samples lie side by side in it, and a second kernel with a lane
+for each pixel adds them up in that order, in double precision and less the pixel's first sample: a pixel that never varies has a variance of exactly 0, and
+no bit depends on threads.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ class Statistics:
     """What a pass found.
 
     Attributes:
-        means: Shape (height, width, 10), float32: colour, albedo, shading normal and depth; the features are 0 where the ray hits nothing. 0 in pixels without a sample.
+        means: Shape (height, width, 10), float32: colour, albedo, shading normal and depth; the features are 0 where rays hit nothing.
+            0 in pixels without a sample.
         variances: The same shape: of the mean. NaN in pixels with fewer than two samples.
         counts: Shape (height, width), float32: the samples that the means are of.
         left_out: Samples with a value that is not finite: in no mean, and not in the counts.
@@ -51,7 +52,8 @@ class Statistics:
 def trace(view: View, counts: np.ndarray[Any, Any], seed: int, number: int, tell: Callable[[int, int], object] | None = None) -> Statistics:
     """Renders ``counts`` (height, width: whole numbers, 0 or more) samples of each pixel.
 
-    ``seed`` and ``number``, which no other pass of the seed has, decide which: the same samples whenever they are asked for. ``tell`` learns of samples done and of all.
+    ``seed`` and ``number``, which no other pass of the seed has, decide which: the same samples whenever they are asked for. ``tell`` learns of samples done
+    and of all.
     """
     wanted = np.minimum(counts.reshape(-1), LANES).astype(np.uint32)
     pixels = np.flatnonzero(wanted).astype(np.uint32)

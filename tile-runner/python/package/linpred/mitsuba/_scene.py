@@ -144,14 +144,17 @@ def _notes(camera: Any) -> tuple[str, ...]:
     reconstruction = _kind(camera.film().rfilter())
     if reconstruction == "BoxFilter":
         return ()
-    return (f"samples count for their own pixel alone (box filter), not by the film's {reconstruction}: filters that mix pixels make noise that cannot be told from detail",)
+    return (
+        f"samples count for their own pixel alone (box filter), not by the film's {reconstruction}: "
+        "filters that mix pixels make noise that cannot be told from detail",
+    )
 
 
 def _checksum(mi: Any, scene: Any, sensor: int) -> str:
     """Of the objects, their numbers, their meshes and textures as they are loaded: a file that the scene refers to counts as well as the scene's own.
 
-    Objects without a name are named by their address, which is another in every run, so names are left out and the order they make, too. Left out as well are normals
-    of vertices: those that Mitsuba makes for a mesh without any are sums in no fixed order, and differ in their last bits whenever they are made.
+    Objects without a name are named by their address, which is another in every run, so names are left out and the order they make, too. Left out as well are
+    normals of vertices: those that Mitsuba makes for a mesh without any are sums in no fixed order, and differ in their last bits whenever they are made.
     """
     parameters = mi.traverse(scene)
     names = ((key, key.rpartition(".")[2]) for key in parameters.keys())
