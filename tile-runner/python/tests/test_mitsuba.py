@@ -144,11 +144,20 @@ def test_samples_that_are_not_finite_are_left_out_and_counted(view: _scene.View,
 
 
 def test_a_value_that_is_not_finite_makes_a_sample_that_is_not(mi: Any, scene: Path) -> None:
-    scene.write_text(SCENE.replace("20, 20, 18", "1e38, 1e38, 1e38"))
+    # the sphere and the floor are seen by light that no float holds, what is around them by none
+    scene.write_text(SCENE.replace("20, 20, 18", "inf, inf, inf"))
     view = _scene.load(scene, None, 0)
     found = _passes.trace(view, np.full((HEIGHT, WIDTH), 8), 1, 0)
     assert np.isfinite(found.means).all()
     assert found.counts.sum() == 8 * HEIGHT * WIDTH - found.left_out
+    assert 0.1 < found.left_out / (8 * HEIGHT * WIDTH) < 0.95
+
+
+def test_values_whose_squares_no_float_holds_have_the_largest_variance(mi: Any, scene: Path) -> None:
+    scene.write_text(SCENE.replace("20, 20, 18", "1e38, 1e38, 1e38"))
+    found = _passes.trace(_scene.load(scene, None, 0), np.full((HEIGHT, WIDTH), 8), 1, 0)
+    assert found.left_out == 0 and np.isfinite(found.variances).all()
+    assert found.variances.max() == np.finfo(np.float32).max
 
 
 def test_a_pass_file_has_the_channels_that_merge_reads(view: _scene.View, tmp_path: Path) -> None:

@@ -134,13 +134,13 @@ def _samples(view: View, pixel: Any, seed: int) -> tuple[list[Any], Any]:
     ray, weight = camera.sample_ray_differential(time, sampler.next_1d(), mi.Point2f(place), lens)
     colour, _, others = view.integrator.sample(view.scene, sampler, ray, camera.get_medium())
     colour = colour * weight
-    all_of_them = [colour.x, colour.y, colour.z, *others]
-    values = [all_of_them[channel] for channel in view.channels]
+    found = [colour.x, colour.y, colour.z, *others]
+    values = [found[channel] for channel in view.channels]
+    kept = mi.Bool(True)
+    for value in values:
+        kept &= dr.isfinite(value)
     # an albedo above 1 says that a texture is wrong; it would make a feature of its own of that
     values[3:6] = [dr.clip(value, 0, 1) for value in values[3:6]]
-    kept = mi.Bool(True)
-    for value in all_of_them[:3] + values[3:]:
-        kept &= dr.isfinite(value)
     return values, kept & (dr.zeros(mi.UInt32, lanes) == 0)
 
 
