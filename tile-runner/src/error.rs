@@ -125,6 +125,8 @@ pub enum Remedy {
     SamplesOrNoVariance,
     /// No variance, which is estimated then.
     NoVariance,
+    /// The samples per pixel.
+    Samples,
 }
 
 /// Bytes for people, rounded up so that nothing is free.

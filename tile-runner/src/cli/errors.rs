@@ -52,6 +52,7 @@ fn advice(remedy: Remedy) -> &'static str {
         Remedy::NoVariance => {
             ", or add --map variance=none to estimate the variance from the picture"
         }
+        Remedy::Samples => "; say --spp N, or --map samples=CHANNEL",
     }
 }
 

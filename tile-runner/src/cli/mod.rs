@@ -15,6 +15,7 @@ mod errors;
 mod heatmap;
 mod inspect;
 mod log;
+mod merge;
 mod number;
 mod openjd;
 mod picture;
@@ -47,6 +48,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Inspect(inspect) => inspect::run(inspect),
         Command::Compare(compare) => compare::run(compare),
         Command::Stitch(stitch) => stitch::run(stitch),
+        Command::Merge(merge) => merge::run(merge, parsed.log.log_format),
     };
     result.unwrap_or_else(|error| {
         if for_openjd {

@@ -1,4 +1,4 @@
-//! What one command does: a file is denoised, inspected, compared with another, put together of bands.
+//! What one command does: a file is denoised, inspected, compared with another, put together of bands, passes are merged.
 //!
 //! ```no_run
 //! use std::path::Path;
@@ -24,6 +24,7 @@ mod input;
 mod inspect;
 mod look;
 mod memory;
+mod merge;
 mod options;
 mod output_name;
 mod plan;
@@ -39,6 +40,7 @@ pub use denoise::{Summary, denoise, rows_to_write};
 pub use input::{Input, InputRequest, Remark, Wrap, remarks};
 pub use inspect::{Inspection, PartInfo, RoleInfo, describe, inspect, inspect_with, survey};
 pub use memory::{DEFAULT_MEMORY_LIMIT, MemoryPlan, check_memory};
+pub use merge::{MergeRequest, Merged, Merging};
 pub use options::JobOptions;
 pub use output_name::check_output_name;
 pub use plan::{Schedule, plan};
