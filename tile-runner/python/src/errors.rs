@@ -39,6 +39,7 @@ fn advice(remedy: Remedy) -> &'static str {
         Remedy::NoVariance => {
             ", or give map={'variance': 'none'} to estimate the variance from the picture"
         }
+        Remedy::Samples => "; give spp=N, or map={'samples': CHANNEL}",
         _ => "",
     }
 }

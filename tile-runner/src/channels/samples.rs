@@ -5,6 +5,7 @@ use std::fmt;
 use crate::channels::names::{ChannelNames, ChannelRef};
 use crate::channels::variance::Count;
 use crate::exr_file::Part;
+use crate::exr_file::attributes::{Attribute, Attributes};
 
 /// Attributes that hold the samples per pixel as an int.
 const INT_ATTRIBUTES: [&str; 3] = ["spp", "samplesPerPixel", "sampleCount"];
@@ -52,10 +53,10 @@ pub(crate) fn find(
         });
     };
     let name = names.name(at);
-    // Blender's pass is the fraction of the total that a pixel took
-    let fraction = name.ends_with("Debug Sample Count.X");
     let (scale, origin) = match total {
-        Some((total, from)) if fraction => (total, format!("channel {name:?} times {from}")),
+        Some((total, from)) if is_fraction(&name) => {
+            (total, format!("channel {name:?} times {from}"))
+        }
         _ => (1.0, format!("channel {name:?}")),
     };
     Some(Samples {
@@ -64,9 +65,31 @@ pub(crate) fn find(
     })
 }
 
+/// Whether a channel of this name holds fractions of a total: Blender's pass does.
+pub(crate) fn is_fraction(name: &str) -> bool {
+    name.ends_with("Debug Sample Count.X")
+}
+
 /// Whether an attribute of this name states samples per pixel.
 pub(crate) fn is_attribute(name: &str) -> bool {
     INT_ATTRIBUTES.contains(&name) || cycles_layer(name).is_some()
+}
+
+/// The samples per pixel that the attribute of this name states, which is an int or, of Cycles, a text; never 0.
+pub(crate) fn stated(attributes: &Attributes, name: &str) -> Option<u32> {
+    let int = attributes.int(name).and_then(|count| count.try_into().ok());
+    let text = || attributes.string(name)?.trim().parse().ok();
+    int.or_else(text).filter(|count| *count > 0)
+}
+
+/// Has an attribute that states samples per pixel state so many.
+pub(crate) fn state(attributes: &mut Attributes, of: &Attribute, count: u32) {
+    let name = String::from_utf8_lossy(&of.name);
+    match (&of.kind[..], i32::try_from(count)) {
+        (b"int", Ok(count)) => attributes.set(&name, "int", count.to_le_bytes().to_vec()),
+        (b"string", _) => attributes.set(&name, "string", count.to_string().into_bytes()),
+        _ => {}
+    }
 }
 
 /// What stands before `samples` in an attribute of Cycles, `cycles.<view layer>.samples`: the view layer and a dot.
@@ -77,23 +100,20 @@ fn cycles_layer(name: &str) -> Option<&str> {
 
 /// The samples per pixel that a part's attributes state.
 fn attribute(part: &Part, prefix: &str) -> Option<(f32, String)> {
+    let named = |name: &str| {
+        let count = stated(&part.attributes, name)?;
+        Some((count as f32, format!("attribute {name:?}")))
+    };
     let int = INT_ATTRIBUTES.iter().find_map(|name| {
-        let count = part.attributes.int(name)?;
-        (count > 0).then(|| (count as f32, format!("attribute {name:?}")))
+        part.attributes.int(name)?;
+        named(name)
     });
     int.or_else(|| {
         part.attributes.iter().find_map(|attribute| {
             let name = std::str::from_utf8(&attribute.name).ok()?;
             let own = cycles_layer(name)?;
-            if !(prefix.is_empty() || own == prefix) {
-                return None;
-            }
-            let count: u32 = std::str::from_utf8(&attribute.value)
-                .ok()?
-                .trim()
-                .parse()
-                .ok()?;
-            (count > 0).then(|| (count as f32, format!("attribute {name:?}")))
+            let is_own = prefix.is_empty() || own == prefix;
+            named(name).filter(|_| is_own)
         })
     })
 }

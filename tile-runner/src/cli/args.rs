@@ -72,6 +72,8 @@ pub(crate) enum Command {
     Stitch(StitchArguments),
     /// Say where a renderer should take more samples
     SampleMap(SampleMapArguments),
+    /// Put the passes of an image together: renders of it with samples of their own
+    Merge(MergeArguments),
 }
 
 impl Command {
@@ -82,6 +84,7 @@ impl Command {
             Self::Inspect(inspect) => inspect.survey.progress == Some(ProgressStyle::Openjd),
             Self::Stitch(stitch) => stitch.progress == StitchProgress::Openjd,
             Self::SampleMap(map) => map.progress == ProgressStyle::Openjd,
+            Self::Merge(merge) => merge.progress == ProgressStyle::Openjd,
             Self::Compare(_) => false,
         }
     }
@@ -335,6 +338,9 @@ pub(crate) struct SampleMapArguments {
     /// How the image is denoised to see where it is wrong; a better quality takes longer and finds no better map
     #[arg(long, value_enum, default_value_t = QualityName::Fast)]
     pub(crate) quality: QualityName,
+    /// Print the plan (roles, memory) and do nothing
+    #[arg(long)]
+    pub(crate) dry_run: bool,
     /// Write a picture of the map: black nothing, white the most that a pixel gets, by the logarithm
     #[arg(long, value_name = "OUT.png")]
     pub(crate) picture: Option<PathBuf>,
@@ -350,6 +356,45 @@ pub(crate) struct SampleMapArguments {
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = concat!(exit_codes!(), "
+
+What comes out is what one render of all the samples would have given: of every pixel the mean, the variance of all samples together, and their number,
+in the channel sampleCount unless the passes state it in one of their own. Passes have the same size and channels, and seeds of their own. Their order does
+not matter. Merged passes can be merged with more.
+
+Examples:
+  linpred merge pass1.exr pass2.exr pass3.exr -o all.exr
+  linpred merge all.exr pass4.exr -o more.exr
+  linpred merge pass*.exr -o all.exr --spp 16
+  linpred denoise all.exr -o clean.exr"))]
+pub(crate) struct MergeArguments {
+    /// The passes, in any order
+    #[arg(value_name = "PASS.exr", required = true)]
+    pub(crate) passes: Vec<PathBuf>,
+    /// All of them in one
+    #[arg(short, long, value_name = "ALL.exr")]
+    pub(crate) output: PathBuf,
+    /// Whose channel names to expect
+    #[arg(long, value_parser = PRESET_NAMES, default_value = "auto")]
+    pub(crate) preset: String,
+    /// Give a role to a layer or channel of every pass, as for denoise (--map samples=CHANNEL)
+    #[arg(long, value_name = "ROLE=CHANNEL", value_parser = Mapping::parse)]
+    pub(crate) map: Vec<Mapping>,
+    /// Samples per pixel of each of the passes, where they do not state them or state them wrongly
+    #[arg(long, value_name = "N", value_parser = parse_spp)]
+    pub(crate) spp: Option<NonZeroU32>,
+    /// Memory that may be used, such as 256M; it grows with the number of passes [default: 2G]
+    #[arg(long, value_name = "SIZE", value_parser = parse_size)]
+    pub(crate) max_memory: Option<u64>,
+    /// Print the plan of memory and do nothing
+    #[arg(long)]
+    pub(crate) dry_run: bool,
+    /// How progress is shown on standard error, as for denoise
+    #[arg(long, value_enum, default_value_t = ProgressStyle::Auto)]
+    pub(crate) progress: ProgressStyle,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -9,7 +9,9 @@ use std::time::Instant;
 
 use crate::channels::{Preset, RoleRequest};
 use crate::image::ExtraLayers;
-use crate::job::{self, Frame, Input, InputRequest, JobOptions, Remark, Wrap};
+use crate::job::{
+    self, Frame, Input, InputRequest, JobOptions, MemoryPlan, Remark, Schedule, Wrap,
+};
 use crate::{Error, Options};
 use linpred_core::{Params, Quality};
 
@@ -183,11 +185,20 @@ pub(crate) fn request(arguments: InputArguments) -> InputRequest {
 
 fn dry_run(pictures: &[Input], options: &JobOptions) -> Result<(), Error> {
     let (schedule, plan) = job::plan(pictures, options)?;
+    print_plan(pictures, schedule, &plan)?;
+    plan.check(options.memory_limit)
+}
+
+/// Prints how pictures would be denoised.
+pub(crate) fn print_plan(
+    pictures: &[Input],
+    schedule: Schedule,
+    plan: &MemoryPlan,
+) -> Result<(), Error> {
     let inspection = job::describe(pictures);
     let threads = schedule.threads;
     let rows = schedule.rows_in_flight;
     stdout::print(&format!(
         "{inspection}threads: {threads}, rows read ahead: {rows}\nmemory:\n{plan}\n"
-    ))?;
-    plan.check(options.memory_limit)
+    ))
 }

@@ -15,6 +15,7 @@ mod errors;
 mod heatmap;
 mod inspect;
 mod log;
+mod merge;
 mod number;
 mod openjd;
 mod picture;
@@ -49,6 +50,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Compare(compare) => compare::run(compare),
         Command::Stitch(stitch) => stitch::run(stitch),
         Command::SampleMap(map) => sample_map::run(map),
+        Command::Merge(merge) => merge::run(merge, parsed.log.log_format),
     };
     result.unwrap_or_else(|error| {
         if for_openjd {

@@ -10,7 +10,7 @@ use crate::{Error, Options};
 use linpred_core::Params;
 
 use super::args::SampleMapArguments;
-use super::denoise::{quality, request};
+use super::denoise::{print_plan, quality, request};
 use super::errors::DONE;
 use super::heatmap::ramp;
 use super::png_rows::PngRows;
@@ -30,16 +30,12 @@ pub(crate) fn run(arguments: SampleMapArguments) -> Result<u8, Error> {
     if let Some(picture) = &arguments.picture {
         check_output(picture, &[&request.path, &arguments.output])?;
     }
-    input
-        .roles
-        .notes
-        .iter()
-        .for_each(|note| tracing::info!("{note}"));
-    input
-        .roles
-        .warnings
-        .iter()
-        .for_each(|warning| tracing::warn!("{warning}"));
+    if arguments.dry_run {
+        let (schedule, plan) = job::plan_map(&input, &options)?;
+        print_plan(std::slice::from_ref(&input), schedule, &plan)?;
+        return plan.check(options.memory_limit).map(|()| DONE);
+    }
+    announce(&input);
     let (rows, style) = (rows_to_measure(&input), arguments.progress);
     let mut progress = Progress::new(style, rows, &request.path, Place::ALONE, started);
     let mut told = |rows| progress.set(rows);
@@ -57,6 +53,17 @@ pub(crate) fn run(arguments: SampleMapArguments) -> Result<u8, Error> {
     };
     stdout::print(&text)?;
     Ok(if summary.added == 0 { REACHED } else { DONE })
+}
+
+/// Says what a user should know of how the picture is read.
+fn announce(input: &Input) {
+    let roles = &input.roles;
+    for note in &roles.notes {
+        tracing::info!("{note}");
+    }
+    for warning in &roles.warnings {
+        tracing::warn!("{warning}");
+    }
 }
 
 fn options(arguments: &SampleMapArguments) -> JobOptions {

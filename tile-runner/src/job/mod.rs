@@ -1,4 +1,4 @@
-//! What one command does: a file is denoised, inspected, compared with another, put together of bands, looked at for where samples are missing.
+//! What one command does: a file is denoised, inspected, compared with another, put together of bands or passes, looked at for where samples are missing.
 //!
 //! ```no_run
 //! use std::path::Path;
@@ -24,6 +24,7 @@ mod input;
 mod inspect;
 mod look;
 mod memory;
+mod merge;
 mod options;
 mod output_name;
 mod plan;
@@ -40,9 +41,10 @@ pub use denoise::{Summary, denoise, rows_to_write};
 pub use input::{Input, InputRequest, Remark, Wrap, only_picture, remarks};
 pub use inspect::{Inspection, PartInfo, RoleInfo, describe, inspect, inspect_with, survey};
 pub use memory::{DEFAULT_MEMORY_LIMIT, MemoryPlan, check_memory};
+pub use merge::{MergeRequest, Merged, Merging};
 pub use options::JobOptions;
 pub use output_name::check_output_name;
 pub use plan::{Schedule, plan};
-pub use sample_map::{MAP_CHANNEL, rows_to_measure, sample_map};
+pub use sample_map::{MAP_CHANNEL, plan_map, rows_to_measure, sample_map};
 pub use sequence::{Frame, FramePattern, frames, parse_frames};
 pub use stitch::stitch;

@@ -6,6 +6,7 @@ use std::num::NonZeroUsize;
 use exr::meta::attribute::Compression;
 use linpred_core::Params;
 
+use crate::channels::names::ChannelRef;
 use crate::error::Error;
 use crate::exr_file::Part;
 use crate::exr_file::compression::{chunks_while_coding, coded_at_once};
@@ -199,6 +200,36 @@ pub(super) fn compare_plan(inputs: &[&Input], computing: u64) -> MemoryPlan {
     plan
 }
 
+/// What merging the passes `inputs`, of each of which these channels are read, will hold in memory, with what `writing` the output and its rows take.
+pub(super) fn merge_plan(
+    inputs: &[(&Input, Vec<ChannelRef>)],
+    writing: u64,
+    rows: u64,
+) -> MemoryPlan {
+    let mut plan = MemoryPlan::default();
+    plan.add("the program", PROGRAM);
+    let mut coded: Vec<&Part> = Vec::new();
+    for (input, channels) in inputs {
+        add_tables(&mut plan, input);
+        for part in input.file().parts() {
+            let own = channels.iter().filter(|at| at.part == part.index);
+            let own: BTreeSet<usize> = own.map(|at| at.channel).collect();
+            if !own.is_empty() {
+                add_reading_of(&mut plan, part, &own);
+                coded.push(part);
+            }
+        }
+    }
+    // one codec decodes them in turn
+    if let Some(largest) = coded.iter().max_by_key(|part| coding_bytes(part)) {
+        let what = format!("decoding {}", describe(largest));
+        plan.add(what, coding_bytes(largest));
+    }
+    plan.add("writing", writing);
+    plan.add("rows that are merged", rows);
+    plan
+}
+
 fn add_reading(plan: &mut MemoryPlan, input: &Input) {
     let files = input.names.files();
     let mut channels: BTreeMap<(usize, usize), BTreeSet<usize>> = BTreeMap::new();
@@ -209,17 +240,21 @@ fn add_reading(plan: &mut MemoryPlan, input: &Input) {
             .insert(at.channel);
     }
     for ((file, part), channels) in channels {
-        let part = &files[file].parts()[part];
-        let list = &part.header.channels.list;
-        let kept: usize = channels
-            .iter()
-            .map(|&channel| list[channel].sample_type.bytes_per_sample())
-            .sum();
-        let pixel = part.header.channels.bytes_per_pixel.max(1) as u64;
-        let bytes = part.chunk_row_bytes() / pixel * kept as u64;
-        let what = format!("{} of the channels of {}", channels.len(), describe(part));
-        plan.add(format!("reading {what}"), bytes);
+        add_reading_of(plan, &files[file].parts()[part], &channels);
     }
+}
+
+/// The row of chunks of a part that is read, as far as these channels are kept of it.
+fn add_reading_of(plan: &mut MemoryPlan, part: &Part, channels: &BTreeSet<usize>) {
+    let list = &part.header.channels.list;
+    let kept: usize = channels
+        .iter()
+        .map(|&channel| list[channel].sample_type.bytes_per_sample())
+        .sum();
+    let pixel = part.header.channels.bytes_per_pixel.max(1) as u64;
+    let bytes = part.chunk_row_bytes() / pixel * kept as u64;
+    let what = format!("{} of the channels of {}", channels.len(), describe(part));
+    plan.add(format!("reading {what}"), bytes);
 }
 
 fn add_tables(plan: &mut MemoryPlan, input: &Input) {

@@ -52,7 +52,9 @@ pub fn sample_map(
             "a map of samples is of a whole image: its budget is shared by all of it".into(),
         ));
     }
-    let schedule = schedule(picture, options)?;
+    let (schedule, plan) = plan_map(picture, options)?;
+    plan.check(options.memory_limit)?;
+    memory::check_available(&plan, schedule.all_threads())?;
     let mut measured = measure(picture, output, options, schedule, stop, progress)?;
     let mut map = measured.plan(goal)?;
     write(picture, output, &goal, options, &mut map)?;
@@ -64,8 +66,8 @@ pub fn rows_to_measure(picture: &Input) -> usize {
     sampling::RUNS * picture.area.size.height()
 }
 
-/// How the picture will be denoised, once there is memory for it.
-fn schedule(picture: &Input, options: &JobOptions) -> Result<Schedule, Error> {
+/// How [`sample_map`] would denoise the picture, and what it would hold in memory. Errors as for [`plan`](super::plan()).
+pub fn plan_map(picture: &Input, options: &JobOptions) -> Result<(Schedule, MemoryPlan), Error> {
     let beside = Measurement::bytes(picture.area.size)
         .saturating_add(NewImage::bytes(part(picture), &channels()));
     let options = JobOptions {
@@ -75,11 +77,9 @@ fn schedule(picture: &Input, options: &JobOptions) -> Result<Schedule, Error> {
     // nothing is written while it is denoised
     let rewrite = Rewrite::new(picture.file(), &[], options.extra, &[])?;
     let pictures = std::slice::from_ref(picture);
-    let (schedule, mut plan): (Schedule, MemoryPlan) = plan::schedule(pictures, &rewrite, &options);
+    let (schedule, mut plan) = plan::schedule(pictures, &rewrite, &options);
     plan.add("the map of samples", beside);
-    plan.check(options.memory_limit.saturating_add(beside))?;
-    memory::check_available(&plan, schedule.all_threads())?;
-    Ok(schedule)
+    Ok((schedule, plan))
 }
 
 /// Denoises the picture twice; what is put aside lies beside the output.

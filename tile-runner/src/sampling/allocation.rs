@@ -19,16 +19,25 @@ pub(super) fn allocate(
     if goal.error.is_some_and(|target| error <= target) {
         return write(demands, &Shares::NONE, 0, scratch);
     }
-    let budget = goal.budget.unwrap_or(f64::from(MOST_SAMPLES));
-    let (budget, mut level) = (budget * demands.size.pixels() as f64, HIGHEST);
-    let budget = match goal.error {
-        None => budget,
-        Some(target) => smallest_budget(demands, target, budget, &mut level)?,
-    };
+    let most = goal.budget.unwrap_or(f64::from(MOST_SAMPLES));
     // a budget that is above 0 gives something
-    let budget = budget.round().max(1.0);
-    let shares = Shares::of(demands, budget, &mut level)?;
-    write(demands, &shares, budget as u64, scratch)
+    let most = (most * demands.size.pixels() as f64).round().max(1.0);
+    let mut level = HIGHEST;
+    let mut budget = match goal.error {
+        None => most,
+        Some(target) => smallest_budget(demands, target, most, &mut level)?,
+    };
+    loop {
+        let shares = Shares::of(demands, budget, &mut level)?;
+        let map = write(demands, &shares, budget as u64, scratch)?;
+        let error = map.summary().error_then;
+        // whole samples do a little less than the shares they stand for
+        if budget < most && goal.error.is_some_and(|target| error > target) {
+            budget = (PRECISION * budget).ceil().min(most);
+            continue;
+        }
+        return Ok(map);
+    }
 }
 
 /// How a budget is shared out, before it is rounded.

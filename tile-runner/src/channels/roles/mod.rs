@@ -6,6 +6,7 @@ mod search;
 mod variances;
 
 pub use mapping::Mapping;
+pub(crate) use search::is_noise;
 
 use std::sync::Arc;
 
@@ -495,7 +496,7 @@ fn other_window(names: &ChannelNames, at: ChannelRef, colour: IntegerBounds) -> 
 }
 
 /// A data window for people.
-fn in_words(window: IntegerBounds) -> String {
+pub(crate) fn in_words(window: IntegerBounds) -> String {
     let (size, corner) = (window.size, window.position);
     format!(
         "{} x {} pixels at ({}, {})",

@@ -414,7 +414,7 @@ fn is_no_light(name: &str) -> bool {
 }
 
 /// Whether a layer is called as renderers call their variances.
-pub(super) fn is_noise(layer: &str) -> bool {
+pub(crate) fn is_noise(layer: &str) -> bool {
     let layer = layer.to_ascii_lowercase();
     ["variance", "mse"].iter().any(|word| layer.contains(word)) || layer.ends_with("_var")
 }

@@ -1,0 +1,219 @@
+//! Whether passes are of one picture, and of samples of their own.
+//!
+//! Two passes of one picture differ at a pixel by their noise, and by the same noise each of them differs from pixel to pixel. So a pixel speaks against a pass only where the
+//! pass agrees with its neighbours, the others with theirs, and the two do not with each other: a firefly, an edge, a blade of grass, or noise of whatever size does not.
+//! It takes no variance, and one sample per pixel is enough.
+
+/// Pixels on either side that a pixel is compared with.
+const REACH: usize = 2;
+
+/// How many times the differences from neighbours, squared, a difference between passes is beyond noise.
+const BEYOND_NOISE: f64 = 9.0;
+
+/// Differences that are none, whatever the noise: what half floats round, and filters do at borders. Of features, which are some 1, as they are; of radiance by the mean of both.
+const NO_DIFFERENCE: f64 = 0.02;
+
+/// Part of the pixels at which passes of one picture may differ beyond noise. Measured on five scenes at 4 against 16 and 64 samples, and between the two halves of 4, 16 and 64:
+/// at most 0.001 of the pixels by albedo and normal and 0.003 by radiance. Between two scenes 0.63 or more by albedo and normal, 0.045 or more by radiance.
+const MOST_DIFFERING: f64 = 0.02;
+
+/// Pixels that must have been compared before anything is said.
+const ENOUGH: u64 = 64;
+
+/// What tells a pass from the others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum By {
+    /// Albedo and normal.
+    Features,
+    /// The radiance.
+    Radiance,
+}
+
+impl By {
+    const ALL: [Self; 2] = [Self::Features, Self::Radiance];
+
+    /// What differs, for messages.
+    pub(super) fn in_words(self) -> &'static str {
+        match self {
+            Self::Features => "albedo or normal",
+            Self::Radiance => "colour",
+        }
+    }
+}
+
+/// How far a pass agrees with the others.
+#[derive(Debug)]
+pub(super) struct Agreement {
+    /// By features, and by radiance.
+    compared: [Compared; 2],
+}
+
+/// What one kind of channels says.
+#[derive(Debug)]
+struct Compared {
+    /// Whether each pixel of the current row was compared, and whether it differs.
+    row: Vec<(bool, bool)>,
+    /// Pixels compared, and those that differ.
+    pixels: u64,
+    differing: u64,
+}
+
+impl Agreement {
+    pub(super) fn new(width: usize) -> Self {
+        let compared = |_| Compared {
+            row: vec![(false, false); width],
+            pixels: 0,
+            differing: 0,
+        };
+        Self {
+            compared: By::ALL.map(compared),
+        }
+    }
+
+    /// Compares a row of one channel of the pass with what the others make of it; NaN where one of them has no sample.
+    pub(super) fn compare(&mut self, by: By, own: &[f64], others: &[f64]) {
+        for (x, (compared, differs)) in self.compared[by as usize].row.iter_mut().enumerate() {
+            let difference = own[x] - others[x];
+            let noise = variation(own, x).zip(variation(others, x));
+            let Some((noise, others_noise)) = noise.filter(|_| difference.is_finite()) else {
+                continue;
+            };
+            let none = match by {
+                By::Features => NO_DIFFERENCE,
+                By::Radiance => NO_DIFFERENCE * 0.5 * (own[x] + others[x]),
+            };
+            let allowed = BEYOND_NOISE * (noise + others_noise + none * none);
+            *compared = true;
+            *differs |= difference * difference > allowed;
+        }
+    }
+
+    /// Ends a row, all of whose channels have been compared.
+    pub(super) fn end_row(&mut self) {
+        for compared in &mut self.compared {
+            for flags in &mut compared.row {
+                compared.pixels += u64::from(flags.0);
+                compared.differing += u64::from(flags.1);
+                *flags = (false, false);
+            }
+        }
+    }
+
+    /// By what, and at which part of its pixels, the pass differs too much to be of one picture with the others.
+    pub(super) fn verdict(&self) -> Option<(By, f64)> {
+        By::ALL.into_iter().find_map(|by| {
+            let Compared {
+                pixels, differing, ..
+            } = self.compared[by as usize];
+            let share = differing as f64 / pixels.max(1) as f64;
+            (pixels >= ENOUGH && share > MOST_DIFFERING).then_some((by, share))
+        })
+    }
+}
+
+/// The mean squared difference of a pixel from its neighbours in the row, of which there are two at least.
+fn variation(row: &[f64], x: usize) -> Option<f64> {
+    let around = &row[x.saturating_sub(REACH)..row.len().min(x + REACH + 1)];
+    let (mut sum, mut count) = (0.0, -1.0);
+    for value in around {
+        let difference = value - row[x];
+        if difference.is_finite() {
+            sum += difference * difference;
+            count += 1.0;
+        }
+    }
+    (count >= 2.0).then(|| sum / count)
+}
+
+/// What tells a pass from a copy of it: a checksum of its colours and counts.
+#[derive(Debug, Default)]
+pub(super) struct Content {
+    crc: flate2::Crc,
+    /// Whether any pixel differs from the one before it: empty pictures are alike without being copies.
+    pub(super) varies: bool,
+}
+
+impl Content {
+    /// Takes the next row of a channel.
+    pub(super) fn add(&mut self, row: &[f32]) {
+        self.add_counts(row);
+        self.varies |= row.windows(2).any(|pair| pair[0] != pair[1]);
+    }
+
+    /// Takes the next row of counts.
+    pub(super) fn add_counts(&mut self, row: &[f32]) {
+        self.crc.update(bytemuck::cast_slice(row));
+    }
+
+    pub(super) fn sum(&self) -> u32 {
+        self.crc.sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// White noise of deviation 1.
+    fn noise(seed: u64, count: usize) -> Vec<f64> {
+        let uniform =
+            |i: u64| (((i * 12 + 1) * (2 * seed + 3)) as f64 * 0.618_033_988_749_9).fract();
+        let sum = |i: u64| (0..12).map(|k| uniform(i * 12 + k * 7919)).sum::<f64>() - 6.0;
+        (0..count as u64).map(sum).collect()
+    }
+
+    fn verdict(by: By, own: &[f64], others: &[f64]) -> Option<(By, f64)> {
+        let mut agreement = Agreement::new(own.len());
+        agreement.compare(by, own, others);
+        agreement.end_row();
+        agreement.verdict()
+    }
+
+    #[test]
+    fn noise_of_any_size_is_no_difference_and_a_shift_beyond_it_is() {
+        let (a, b) = (noise(1, 1000), noise(2, 1000));
+        for size in [0.0, 1e-3, 0.1, 10.0] {
+            let row =
+                |noise: &[f64]| -> Vec<f64> { noise.iter().map(|n| 0.5 + size * n).collect() };
+            assert_eq!(verdict(By::Features, &row(&a), &row(&b)), None, "{size}");
+            let shifted: Vec<f64> = row(&b).iter().map(|v| v + 0.2 + 10.0 * size).collect();
+            let found = verdict(By::Features, &row(&a), &shifted);
+            assert!(
+                found.is_some_and(|(_, share)| share > 0.9),
+                "{size}: {found:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn sparks_in_one_of_the_passes_are_no_difference() {
+        let dark = vec![0.0; 1000];
+        let sparks: Vec<f64> = (0..1000).map(|x| f64::from(x % 10 == 0) * 50.0).collect();
+        assert_eq!(verdict(By::Radiance, &sparks, &dark), None);
+    }
+
+    #[test]
+    fn pixels_without_samples_say_nothing() {
+        let row = vec![f64::NAN; 1000];
+        assert_eq!(verdict(By::Features, &row, &vec![1.0; 1000]), None);
+        let mut few = row;
+        few[..60].fill(3.0);
+        assert_eq!(verdict(By::Features, &few, &vec![1.0; 1000]), None);
+        few[..80].fill(3.0);
+        let found = verdict(By::Features, &few, &vec![1.0; 1000]);
+        assert_eq!(found, Some((By::Features, 1.0)));
+    }
+
+    #[test]
+    fn only_pictures_with_something_in_them_are_copies() {
+        let content = |rows: &[&[f32]]| {
+            let mut content = Content::default();
+            rows.iter().for_each(|row| content.add(row));
+            (content.sum(), content.varies)
+        };
+        assert_eq!(content(&[&[0.0; 4]]), content(&[&[0.0; 4]]));
+        assert!(!content(&[&[0.0; 4]]).1);
+        assert!(content(&[&[0.0, 1.0]]).1);
+        assert_ne!(content(&[&[0.0, 1.0]]), content(&[&[1.0, 0.0]]));
+    }
+}
