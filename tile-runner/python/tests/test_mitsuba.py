@@ -322,6 +322,11 @@ def test_a_scene_is_the_same_whenever_it_is_loaded_and_not_when_anything_in_it_c
 def test_a_target_ends_the_loop_early(scene: Path, tmp_path: Path) -> None:
     done = linpred.mitsuba.render(scene, tmp_path / "clean.exr", spp=64, target_error=0.5)
     assert (done.ended, done.passes) == ("error", 1) and done.error <= 0.5
+    target = done.error * 0.8
+    done = linpred.mitsuba.render(scene, tmp_path / "clean.exr", spp=64, target_error=target)
+    assert done.ended == "error" and done.passes > 1 and done.error <= target
+    # no whole step where less is enough
+    assert done.samples < 16
 
 
 def test_however_little_time_there_is_the_first_pass_is_rendered(scene: Path, tmp_path: Path) -> None:

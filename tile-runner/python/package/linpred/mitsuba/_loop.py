@@ -153,10 +153,10 @@ class Loop:
 
     def _assess(self) -> dict[str, Any]:
         """Merges the passes, and asks where the next one should sample: what is said of its map. Nothing is done twice."""
-        passes = self._passes()
+        passes, target = self._passes(), self.options.target_error
         step = self._step(passes)
         known = self.folder.of(_map(len(passes)))
-        if known is not None and known["step"] == step:
+        if known is not None and (known["step"], known["target"]) == (step, target):
             return known
         began = time.monotonic()
         merged = self.folder.path / MERGED
@@ -164,11 +164,18 @@ class Loop:
 
         def make(part: Path) -> dict[str, Any]:
             # what one more sample would bring is asked for even at the end: it tells the error
-            report = linpred.sample_map_file(merged, part, budget=max(step, 1.0), threads=self.options.threads, max_memory=self.options.max_memory)
-            found = {name: getattr(report, name) for name in ("samples", "added", "most", "error")}
-            return {**found, "step": step, "seconds": time.monotonic() - began}
+            report = self._map(merged, part, max(step, 1.0), target)
+            if report.added < 1.0 and not report.reached:
+                # what little is missing is only estimated; passes smaller than that cost more denoising than they save
+                report = self._map(merged, part, 1.0, None)
+            found = {name: getattr(report, name) for name in ("samples", "added", "most", "error", "reached")}
+            return {**found, "step": step, "target": target, "seconds": time.monotonic() - began}
 
         return self.folder.add(_map(len(passes)), make, self._spent)
+
+    def _map(self, merged: Path, to: Path, budget: float, target: float | None) -> linpred.SampleReport:
+        options = self.options
+        return linpred.sample_map_file(merged, to, budget=budget, target_error=target, threads=options.threads, max_memory=options.max_memory)
 
     def _step(self, passes: list[dict[str, Any]]) -> float:
         """Samples per pixel of the next pass, on average; 0 if there is to be none."""
@@ -184,7 +191,7 @@ class Loop:
 
     def _enough(self, found: dict[str, Any], where: Pass) -> str | None:
         """Why no other pass is needed, if so."""
-        if self.options.target_error is not None and where.error <= self.options.target_error:
+        if found["reached"]:
             return "error"
         if found["step"] == 0.0:
             asked = sum(done["asked"] for done in self._passes())
