@@ -24,8 +24,10 @@ LOOP_COLUMNS = ("scene", "samples", "passes", "rendering", "other")
 
 
 def write(folder: Path, rows: list[tuple], seconds: list[tuple]) -> None:
-    """Writes what was measured."""
+    """Writes what was measured; what was not stays as it is."""
     for name, columns, lines in (("results.csv", COLUMNS, rows), ("loop.csv", LOOP_COLUMNS, seconds)):
+        if not lines and (folder / name).is_file():
+            continue
         with open(folder / name, "w", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(columns)

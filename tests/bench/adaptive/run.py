@@ -42,7 +42,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--stored", type=Path, help="folder of <scene>_ref.exr (scenes beside --scenes)")
     parser.add_argument("--referee", type=Path, help="folder of score.py, whose measures are used (tools beside --scenes)")
     parser.add_argument("--cache", type=Path, default=Path(tempfile.gettempdir()) / "linpred-adaptive", help="folder of rendered samples, some 1.5 GB")
-    parser.add_argument("--seeds", type=int, default=2, help="runs with other samples")
+    parser.add_argument("--seeds", type=int, default=2, help="runs with other samples; 0 leaves results.csv as it is")
     parser.add_argument("--only", default="", help="scenes, with commas")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--no-loop", action="store_true", help="leaves out the seconds of linpred.mitsuba")
@@ -166,7 +166,8 @@ def main() -> None:
     seconds = [] if asked.no_loop else [row for scene in scenes for row in loop_seconds(scene, asked)]
     report.write(asked.out, rows, seconds)
     report.pictures(kept, asked.out)
-    (asked.out / "commands.txt").write_text(f"{began} {machine()} {revision()}: {' '.join(['python', *sys.argv])}\n")
+    with open(asked.out / "commands.txt", "a") as file:
+        file.write(f"{began} {machine()} {revision()}: python {' '.join(sys.argv)}\n")
     report.table(asked.out)
     report.plot(asked.out)
 
