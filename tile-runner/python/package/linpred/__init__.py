@@ -9,6 +9,8 @@ Files, as the command ``linpred`` (also ``python -m linpred``) denoises them::
 
     linpred.denoise_file("noisy.exr", "clean.exr", quality="high")
 
+Passes of one picture, each with samples of its own, are put together by :func:`merge`.
+
 Frames larger than memory, row by row: :func:`denoise_rows`. What is in a file, and how far it is from a reference: :func:`inspect`,
 :func:`compare`.
 
@@ -24,6 +26,7 @@ from linpred._files import (
     compare,
     denoise_file,
     inspect,
+    merge,
     plan,
     stitch,
 )
@@ -46,6 +49,7 @@ __all__ = [
     "denoise_file",
     "denoise_rows",
     "inspect",
+    "merge",
     "plan",
     "stitch",
 ]

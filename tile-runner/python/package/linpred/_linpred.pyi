@@ -14,6 +14,7 @@ __all__ = [
     "frames",
     "inspect",
     "main",
+    "merge",
     "plan",
     "stitch",
 ]
@@ -59,4 +60,11 @@ def compare(
     max_memory: str | None,
 ) -> str: ...
 def stitch(bands: list[str], output: str) -> None: ...
+def merge(
+    passes: list[str],
+    reading: dict[str, Any],
+    output: str,
+    warn: Callable[[str], object],
+    progress: Callable[[int, int], object] | None,
+) -> None: ...
 def main(arguments: list[str]) -> int: ...
