@@ -931,7 +931,7 @@ linpred_status linpred_sample_map_file(struct linpred_denoiser *denoiser,
  * memory of any image: it is written once all is read, and after a failure it is as it was. `summary` may be NULL.
  * If the target is met already, the map is all 0, and so is `added` of the summary; that is no error.
  *
- * Beside what a run takes, some 64 bytes of memory for each pixel.
+ * Beside what a run takes, up to 64 bytes of memory for each pixel.
  *
  * # Safety
  * `denoiser` is NULL, or of linpred_new() and not freed; what the images were set to is there, as
