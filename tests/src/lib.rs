@@ -7,6 +7,7 @@ pub mod features;
 pub mod frames;
 pub mod images;
 pub mod oracle;
+pub mod passes;
 pub mod strategies;
 pub mod tile_checksum;
 pub mod tolerance;

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use exr::prelude::*;
-use linpred_tests::command::denoise;
+use linpred_tests::command::{denoise, linpred};
 use linpred_tests::images::{TestPart, everything, part, write};
 
 /// Bytes that `--dry-run` plans.
@@ -63,6 +63,28 @@ fn a_run_uses_no_more_memory_than_planned_and_not_much_less_where_it_is_large() 
             assert!(size.0 < 4096 || planned <= 2 * peak, "{case}");
         }
     }
+}
+
+#[test]
+fn a_map_of_samples_takes_no_more_memory_than_denoising() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut image = image((4096, 60), Compression::ZIP16, Blocks::ScanLines);
+    image.attributes.push(("spp", AttributeValue::I32(4)));
+    write(&folder.path().join("in.exr"), (4096, 60), vec![image]);
+    let plan = planned(folder.path(), &["--threads", "2", "--quality", "fast"]);
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let limit = plan.to_string();
+    let map = |options: &[&str]| {
+        let (input, output) = (path("in.exr"), path("map.exr"));
+        let files = ["sample-map", &input, "-o", &output, "--budget", "2"];
+        let limit = ["--threads", "2", "--max-memory", &limit];
+        linpred([&files[..], &limit, options].concat()).succeeds()
+    };
+    let own = map(&["--dry-run"]).planned_bytes();
+    assert!(own <= plan, "{own} {plan}");
+    assert!(!folder.path().join("map.exr").exists());
+    map(&[]);
+    assert!(folder.path().join("map.exr").exists());
 }
 
 #[test]

@@ -10,6 +10,7 @@ mod file_layout_changes_no_bit;
 mod identifiers_are_kept;
 mod kept_as_they_are;
 mod maps_of_samples;
+mod merged_passes_are_all_samples;
 mod roles_by_renderer;
 mod rows_find_their_channels;
 mod threads_change_no_bit;

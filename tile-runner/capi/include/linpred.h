@@ -16,7 +16,9 @@
 #define LINPRED_LAYOUT_INIT { sizeof(linpred_layout), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
 #define LINPRED_STEP_INIT { sizeof(linpred_step), 0, 0, NULL, NULL }
 #define LINPRED_ROW_FUNCTIONS_INIT { sizeof(linpred_row_functions), NULL, NULL, NULL }
-#define LINPRED_FILE_OPTIONS_INIT { sizeof(linpred_file_options), NULL, 0, 0 }
+#define LINPRED_FILE_OPTIONS_INIT { sizeof(linpred_file_options), NULL, 0, 0, 0, 0 }
+#define LINPRED_SAMPLE_GOAL_INIT { sizeof(linpred_sample_goal), 0, 0 }
+#define LINPRED_SAMPLE_SUMMARY_INIT { sizeof(linpred_sample_summary), 0, 0, 0, 0, 0, 0, 0 }
 
 
 /**
@@ -112,7 +114,7 @@ enum linpred_quality
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * LINPRED_QUALITY_BALANCED.
+     * LINPRED_QUALITY_BALANCED, and LINPRED_QUALITY_FAST for maps of samples.
      */
     LINPRED_QUALITY_DEFAULT = 0,
     /**
@@ -328,7 +330,7 @@ typedef struct linpred_options {
 } linpred_options;
 
 /**
- * Is told that `rows` rows of `of` are written, `user` as it was given; true goes on, false stops the run, which
+ * Is told that `rows` rows of `of` are done, `user` as it was given; true goes on, false stops the run, which
  * then returns LINPRED_ERROR_CANCELLED. Called in the thread that called the library, and must return: no exception
  * or longjmp may leave it.
  */
@@ -636,7 +638,74 @@ typedef struct linpred_file_options {
      * 1 writes radius and rank of the models beside the colour.
      */
     int32_t models_layer;
+    /**
+     * How many samples each pixel has, whatever the file says; 0 leaves it to the file.
+     */
+    uint32_t samples_per_pixel;
+    /**
+     * 0.
+     */
+    uint32_t reserved;
 } linpred_file_options;
+
+/**
+ * What a map of samples is to reach: one of the two, or as little as one of them asks for. LINPRED_SAMPLE_GOAL_INIT
+ * sets the size.
+ */
+typedef struct linpred_sample_goal {
+    /**
+     * sizeof(linpred_sample_goal).
+     */
+    size_t struct_size;
+    /**
+     * So many samples more for each pixel, on average: above 0, up to 2^24. The map sums up to it, rounded. 0 sets no
+     * bound.
+     */
+    double budget;
+    /**
+     * As few samples as it takes until `error_then` of the summary is so small, such as 0.005. 0 sets no target.
+     */
+    double target_error;
+} linpred_sample_goal;
+
+/**
+ * What a map of samples gives, and what for. LINPRED_SAMPLE_SUMMARY_INIT sets the size.
+ */
+typedef struct linpred_sample_summary {
+    /**
+     * sizeof(linpred_sample_summary).
+     */
+    size_t struct_size;
+    /**
+     * Pixels of the image.
+     */
+    uint64_t pixels;
+    /**
+     * Samples that they have together.
+     */
+    uint64_t samples;
+    /**
+     * Samples that the map gives them together; 0 if the error is as small as it should be already.
+     */
+    uint64_t added;
+    /**
+     * The most that one of them gets.
+     */
+    uint32_t most;
+    /**
+     * 0.
+     */
+    uint32_t reserved;
+    /**
+     * The predicted error of the denoised image: mean over the pixels of the estimated squared error over the mean
+     * square of the colour and 0.003.
+     */
+    double error;
+    /**
+     * The same once the map is rendered.
+     */
+    double error_then;
+} linpred_sample_summary;
 
 #ifdef __cplusplus
 extern "C" {
@@ -688,7 +757,8 @@ linpred_status linpred_set_options(struct linpred_denoiser *denoiser, const stru
 
 /**
  * Has `function` told of every row that linpred_execute(), linpred_run_rows() and linpred_denoise_file() have
- * written; NULL tells nobody.
+ * written, and of those that linpred_sample_map() and linpred_sample_map_file() have denoised, up to twice the image's;
+ * NULL tells nobody.
  *
  * # Safety
  * `denoiser` is NULL, or of linpred_new() and not freed; `function` can be called with `user` until another is set.
@@ -712,12 +782,13 @@ linpred_status linpred_get_report(struct linpred_denoiser *denoiser, struct linp
  * pixel's mean; below 0 or not finite: not known), or in its place "half_a" and "half_b" (the means of either half
  * of a pixel's samples), "normal", "albedo", "layer.NAME" (more radiance, denoised with the models of the colour),
  * "normal_variance", "albedo_variance". Of one channel: "depth", "depth_variance", "alpha" (0 to 1, the colour is
- * premultiplied), "scalar.NAME" (what is no light: masks, motion). Pixels of the colour that are not finite are
- * predicted from their neighbours, and counted in the report.
+ * premultiplied), "samples" (how many a pixel has, for linpred_sample_map()), "scalar.NAME" (what is no light: masks,
+ * motion). Pixels of the colour that are not finite are predicted from their neighbours, and counted in the report.
  *
  * # Safety
  * `denoiser` is NULL, or of linpred_new() and not freed; `name` is NULL or ends with a zero. The pixels can be read,
- * and nobody else writes them, in every linpred_execute() until the image is set anew or unset.
+ * and nobody else writes them, in every linpred_execute() and linpred_sample_map() until the image is set anew or
+ * unset.
  */
 linpred_status linpred_set_image(struct linpred_denoiser *denoiser,
                                  const char *name,
@@ -831,6 +902,51 @@ linpred_status linpred_denoise_file(struct linpred_denoiser *denoiser,
                                     const char *input,
                                     const char *output,
                                     const struct linpred_file_options *options);
+
+/**
+ * Makes the map of samples of an EXR file into another, as the command `linpred sample-map` does: its channel
+ * "samples" says how many more each pixel should get. The file states how many samples its pixels have, or
+ * `samples_per_pixel` of the options does, which have no layers for a map; `options` and `summary` may be NULL. The
+ * output appears whole or not at all. After LINPRED_OK linpred_message() has the warnings about the input, a line
+ * each, or "no error". Paths are the system's bytes, on Windows UTF-8.
+ *
+ * # Safety
+ * `denoiser` is NULL, or of linpred_new() and not freed; paths are NULL or end with a zero; `goal`, `options` and
+ * `summary` are NULL or can be read, `summary` also written, over their sizes.
+ */
+linpred_status linpred_sample_map_file(struct linpred_denoiser *denoiser,
+                                       const char *input,
+                                       const char *output,
+                                       const struct linpred_sample_goal *goal,
+                                       const struct linpred_file_options *options,
+                                       struct linpred_sample_summary *summary);
+
+/**
+ * Fills `map` with the samples that each pixel should get next, so that the denoised image is best for what they
+ * cost. The images are those of linpred_execute(), and "samples" must be one of them; outputs, layers and scalars play
+ * no part. With "variance" or halves the map is better: the images are denoised twice.
+ *
+ * Pixel x of row y of the map is the uint32_t at `map` + `byte_offset` + y * `row_stride` + x * `pixel_stride`, in
+ * bytes, at any address; strides of 0 say that nothing lies between. It has the size of the colour, and may be the
+ * memory of any image: it is written once all is read, and after a failure it is as it was. `summary` may be NULL.
+ * If the target is met already, the map is all 0, and so is `added` of the summary; that is no error.
+ *
+ * Beside what a run takes, up to 64 bytes of memory for each pixel.
+ *
+ * # Safety
+ * `denoiser` is NULL, or of linpred_new() and not freed; what the images were set to is there, as
+ * linpred_set_image() says; `goal` and `summary` are NULL or can be read, `summary` also written, over their sizes;
+ * `map` is NULL, or its pixels can be written, and nobody else uses them.
+ */
+linpred_status linpred_sample_map(struct linpred_denoiser *denoiser,
+                                  const struct linpred_sample_goal *goal,
+                                  uint32_t *map,
+                                  size_t width,
+                                  size_t height,
+                                  size_t byte_offset,
+                                  size_t pixel_stride,
+                                  size_t row_stride,
+                                  struct linpred_sample_summary *summary);
 
 #ifdef __cplusplus
 }  // extern "C"

@@ -60,6 +60,24 @@ public:
 
     void execute() { check(linpred_execute(handle)); }
 
+    /// Fills `map`, of the colour's size, with the samples that each pixel should get next, and returns what it gives.
+    linpred_sample_summary sampleMap(const linpred_sample_goal &goal, std::uint32_t *map, std::size_t width,
+                                     std::size_t height, std::size_t byteOffset = 0, std::size_t pixelStride = 0,
+                                     std::size_t rowStride = 0)
+    {
+        linpred_sample_summary summary = LINPRED_SAMPLE_SUMMARY_INIT;
+        check(linpred_sample_map(handle, &goal, map, width, height, byteOffset, pixelStride, rowStride, &summary));
+        return summary;
+    }
+
+    linpred_sample_summary sampleMapFile(const std::string &input, const std::string &output,
+                                         const linpred_sample_goal &goal)
+    {
+        linpred_sample_summary summary = LINPRED_SAMPLE_SUMMARY_INIT;
+        check(linpred_sample_map_file(handle, input.c_str(), output.c_str(), &goal, nullptr, &summary));
+        return summary;
+    }
+
     void denoiseFile(const std::string &input, const std::string &output)
     {
         check(linpred_denoise_file(handle, input.c_str(), output.c_str(), nullptr));

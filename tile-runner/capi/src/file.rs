@@ -7,12 +7,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::channel;
 
-use linpred::Report;
+use linpred::channels::RoleRequest;
 use linpred::image::ExtraLayers;
-use linpred::job::{self, Input, InputRequest, JobOptions, Remark, Summary};
+use linpred::job::{self, Input, InputRequest, JobOptions, Remark};
+use linpred::sampling::{Goal, Summary};
+use linpred::{Error, Options, Report};
 
 use crate::handle::{Denoiser, call, linpred_denoiser};
 use crate::report::Done;
+use crate::sample_map::{Told, linpred_sample_goal, linpred_sample_summary};
 use crate::status::{Failure, linpred_status};
 use crate::text::path;
 use crate::versioned::{self, Versioned};
@@ -30,6 +33,10 @@ pub struct linpred_file_options {
     pub error_layer: i32,
     /// 1 writes radius and rank of the models beside the colour.
     pub models_layer: i32,
+    /// How many samples each pixel has, whatever the file says; 0 leaves it to the file.
+    pub samples_per_pixel: u32,
+    /// 0.
+    pub reserved: u32,
 }
 
 // SAFETY: the size first, then a pointer and numbers
@@ -47,7 +54,8 @@ struct Request {
 /// # Safety
 /// The paths and that of the options are NULL or end with a zero; `options` is NULL or can be read over its size.
 unsafe fn request(
-    denoiser: &Denoiser,
+    limit: u64,
+    compute: Options,
     input: *const c_char,
     output: *const c_char,
     options: *const linpred_file_options,
@@ -60,6 +68,8 @@ unsafe fn request(
             other_half: null(),
             error_layer: 0,
             models_layer: 0,
+            samples_per_pixel: 0,
+            reserved: 0,
         },
         // SAFETY: the caller's promise
         false => unsafe { versioned::read(options) }?,
@@ -69,13 +79,17 @@ unsafe fn request(
         // SAFETY: the caller's promise
         false => Some(unsafe { path("other_half", given.other_half) }?),
     };
-    let limit = denoiser.settings.memory_limit;
+    let roles = RoleRequest {
+        spp: (given.samples_per_pixel > 0).then_some(given.samples_per_pixel),
+        ..RoleRequest::default()
+    };
     Ok(Request {
         input: InputRequest::new(input)
             .with_other_half(other_half)
+            .with_roles(roles)
             .with_memory_limit(Some(limit)),
         output,
-        options: JobOptions::new(denoiser.settings.options)
+        options: JobOptions::new(compute)
             .with_memory_limit(limit)
             .with_extra(ExtraLayers {
                 error: flag("error_layer", given.error_layer)?,
@@ -95,7 +109,6 @@ fn flag(name: &str, value: i32) -> Result<bool, Failure> {
 }
 
 fn denoise(denoiser: &mut Denoiser, request: &Request) -> Result<(), Failure> {
-    denoiser.check_idle()?;
     let pictures = Input::open_all(&request.input)?;
     let remarks = job::remarks(&pictures, request.options.extra)?.into_iter();
     let warnings = remarks.filter_map(|remark| match remark {
@@ -103,7 +116,11 @@ fn denoise(denoiser: &mut Denoiser, request: &Request) -> Result<(), Failure> {
         Remark::Note(_) => None,
     });
     let notes = warnings.collect::<Vec<_>>().join("\n");
-    let summary = run(denoiser, &pictures, request)?;
+    let height = pictures.first().map_or(0, Input::height);
+    let (output, options) = (&request.output, &request.options);
+    let summary = run(denoiser, height, |stop, progress| {
+        job::denoise(&pictures, output, options, stop, progress)
+    })?;
     let mut report = Report::default();
     for picture in &summary.reports {
         report.add(picture);
@@ -113,10 +130,30 @@ fn denoise(denoiser: &mut Denoiser, request: &Request) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Runs the job in another thread, since it tells of its progress in any, and the caller's function is to be called in the caller's. The job waits for
+fn sample_map(denoiser: &mut Denoiser, request: &Request, goal: Goal) -> Result<Summary, Failure> {
+    let (output, options) = (&request.output, &request.options);
+    if options.extra != ExtraLayers::default() {
+        return Err(Failure::argument(
+            "error_layer or models_layer is 1, but a map of samples has no layers beside it",
+        ));
+    }
+    let picture = job::only_picture(&request.input)?;
+    let rows = job::rows_to_measure(&picture);
+    let summary = run(denoiser, rows, |stop, progress| {
+        let map = job::sample_map(&picture, output, goal, options, stop, progress)?;
+        Ok(map.summary())
+    })?;
+    denoiser.notes = picture.roles.warnings.join("\n");
+    Ok(summary)
+}
+
+/// Runs a job in another thread, since it tells of its progress in any, and the caller's function is to be called in the caller's. The job waits for
 /// what that says: however small the image, a stop comes before the next row.
-fn run(denoiser: &Denoiser, pictures: &[Input], request: &Request) -> Result<Summary, Failure> {
-    let height = pictures.first().map_or(0, Input::height);
+fn run<T: Send>(
+    denoiser: &Denoiser,
+    of: usize,
+    job: impl FnOnce(&Arc<AtomicBool>, &mut (dyn FnMut(usize) + Send)) -> Result<T, Error> + Send,
+) -> Result<T, Failure> {
     let stop = Arc::new(AtomicBool::new(false));
     let (sender, rows) = channel();
     let (seen, was_seen) = channel();
@@ -129,8 +166,7 @@ fn run(denoiser: &Denoiser, pictures: &[Input], request: &Request) -> Result<Sum
                     let _ = was_seen.recv();
                 }
             };
-            let (output, options) = (&request.output, &request.options);
-            job::denoise(pictures, output, options, to_stop, &mut progress)
+            job(to_stop, &mut progress)
         };
         let job = std::thread::Builder::new()
             .spawn_scoped(scope, job)
@@ -139,7 +175,7 @@ fn run(denoiser: &Denoiser, pictures: &[Input], request: &Request) -> Result<Sum
                 Failure::new(linpred_status::LINPRED_ERROR_MEMORY, message)
             })?;
         for rows in rows {
-            if denoiser.progress.tell(rows, height).is_break() {
+            if denoiser.progress.tell(rows, of).is_break() {
                 stop.store(true, Ordering::Relaxed);
                 break;
             }
@@ -171,8 +207,50 @@ pub unsafe extern "C" fn linpred_denoise_file(
     // SAFETY: the caller's promise
     unsafe {
         call(denoiser, |denoiser| {
-            let request = request(denoiser, input, output, options)?;
+            denoiser.check_idle()?;
+            let settings = denoiser.settings;
+            let request = request(
+                settings.memory_limit,
+                settings.options,
+                input,
+                output,
+                options,
+            )?;
             self::denoise(denoiser, &request)
+        })
+    }
+}
+
+/// Makes the map of samples of an EXR file into another, as the command `linpred sample-map` does: its channel
+/// "samples" says how many more each pixel should get. The file states how many samples its pixels have, or
+/// `samples_per_pixel` of the options does, which have no layers for a map; `options` and `summary` may be NULL. The
+/// output appears whole or not at all. After LINPRED_OK linpred_message() has the warnings about the input, a line
+/// each, or "no error". Paths are the system's bytes, on Windows UTF-8.
+///
+/// # Safety
+/// `denoiser` is NULL, or of linpred_new() and not freed; paths are NULL or end with a zero; `goal`, `options` and
+/// `summary` are NULL or can be read, `summary` also written, over their sizes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn linpred_sample_map_file(
+    denoiser: *mut linpred_denoiser,
+    input: *const c_char,
+    output: *const c_char,
+    goal: *const linpred_sample_goal,
+    options: *const linpred_file_options,
+    summary: *mut linpred_sample_summary,
+) -> linpred_status {
+    // SAFETY: the caller's promise
+    unsafe {
+        call(denoiser, |denoiser| {
+            denoiser.check_idle()?;
+            let (limit, compute) = (
+                denoiser.settings.memory_limit,
+                denoiser.settings.for_sampling,
+            );
+            let request = request(limit, compute, input, output, options)?;
+            let goal = versioned::read(goal)?.goal()?;
+            let told = Told::new(summary)?;
+            told.tell(sample_map(denoiser, &request, goal)?)
         })
     }
 }

@@ -32,7 +32,7 @@ fn set<N: PartialEq>(all: &mut Vec<(N, RawImage)>, name: N, image: RawImage) {
 }
 
 /// Pixels of as many channels as what they are called has.
-fn image(name: &str, channels: usize, place: &Place) -> Result<RawImage, Failure> {
+pub(crate) fn image(name: &str, channels: usize, place: &Place) -> Result<RawImage, Failure> {
     let told = |failure: Failure| Failure::argument(format!("{name}: {}", failure.message));
     let image = RawImage::new(place).map_err(told)?;
     match image.channels() == channels {
@@ -49,13 +49,13 @@ fn unknown(what: &str, name: &str) -> Failure {
 }
 
 impl Images {
-    fn input(&self, name: &Input) -> Option<RawImage> {
+    pub(crate) fn input(&self, name: &Input) -> Option<RawImage> {
         let mut found = self.inputs.iter().filter(|(known, _)| known == name);
         found.next().map(|(_, image)| *image)
     }
 
-    /// The same as what the library reads.
-    fn frame(&self) -> Result<Frame<'static>, Failure> {
+    /// The colour and all that its models are made of, as what the library reads.
+    pub(crate) fn picture(&self) -> Result<Frame<'static>, Failure> {
         let colour = self.input(&Input::Colour);
         let colour = colour.ok_or_else(|| Failure::argument("no image \"colour\" is set"))?;
         let mut frame = Frame::new(colour)?;
@@ -87,9 +87,17 @@ impl Images {
                 }
             };
         }
+        Ok(match self.input(&Input::Alpha) {
+            Some(alpha) => frame.with_alpha(alpha)?,
+            None => frame,
+        })
+    }
+
+    /// The same with what is denoised beside the colour.
+    fn frame(&self) -> Result<Frame<'static>, Failure> {
+        let mut frame = self.picture()?;
         for (name, image) in &self.inputs {
             frame = match name {
-                Input::Alpha => frame.with_alpha(*image)?,
                 Input::Layer(_) => frame.with_layer(&name.to_string(), *image)?,
                 Input::Scalar(_) => frame.with_scalar(&name.to_string(), *image)?,
                 _ => frame,
@@ -239,12 +247,13 @@ unsafe fn execute(denoiser: &mut Denoiser) -> Result<(), Failure> {
 /// pixel's mean; below 0 or not finite: not known), or in its place "half_a" and "half_b" (the means of either half
 /// of a pixel's samples), "normal", "albedo", "layer.NAME" (more radiance, denoised with the models of the colour),
 /// "normal_variance", "albedo_variance". Of one channel: "depth", "depth_variance", "alpha" (0 to 1, the colour is
-/// premultiplied), "scalar.NAME" (what is no light: masks, motion). Pixels of the colour that are not finite are
-/// predicted from their neighbours, and counted in the report.
+/// premultiplied), "samples" (how many a pixel has, for linpred_sample_map()), "scalar.NAME" (what is no light: masks,
+/// motion). Pixels of the colour that are not finite are predicted from their neighbours, and counted in the report.
 ///
 /// # Safety
 /// `denoiser` is NULL, or of linpred_new() and not freed; `name` is NULL or ends with a zero. The pixels can be read,
-/// and nobody else writes them, in every linpred_execute() until the image is set anew or unset.
+/// and nobody else writes them, in every linpred_execute() and linpred_sample_map() until the image is set anew or
+/// unset.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn linpred_set_image(
     denoiser: *mut linpred_denoiser,

@@ -5,6 +5,7 @@
 //! - `options`, `report`: what to compute, what was done.
 //! - `format`, `raw_image`, `names`, `frame`: images in the caller's memory.
 //! - `row`, `steps`, `run_rows`: row by row, in the caller's loop or by its functions.
+//! - `sample_map`: where a renderer should go on.
 //! - `file`: EXR files.
 //!
 //! What is unsafe at the border to C is here, of four kinds, and each block says why it is sound: handles, structs and strings that C hands over (`handle`,
@@ -36,8 +37,9 @@ mod run_rows;
 mod steps;
 
 mod file;
+mod sample_map;
 
-pub use file::{linpred_denoise_file, linpred_file_options};
+pub use file::{linpred_denoise_file, linpred_file_options, linpred_sample_map_file};
 pub use format::linpred_format;
 pub use frame::{
     linpred_execute, linpred_set_image, linpred_set_output, linpred_unset_image,
@@ -53,6 +55,7 @@ pub use row::{
 pub use run_rows::{
     linpred_read_row_function, linpred_row_functions, linpred_run_rows, linpred_write_row_function,
 };
+pub use sample_map::{linpred_sample_goal, linpred_sample_map, linpred_sample_summary};
 pub use status::{linpred_status, linpred_status_text};
 pub use steps::{
     linpred_next_step, linpred_start_rows, linpred_step, linpred_step_kind, linpred_stop_rows,

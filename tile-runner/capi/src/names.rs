@@ -14,6 +14,7 @@ pub(crate) enum Input {
     Feature(Feature),
     FeatureVariance(Feature),
     Alpha,
+    Samples,
     Layer(String),
     Scalar(String),
 }
@@ -45,6 +46,7 @@ impl Input {
             "half_a" => Self::HalfA,
             "half_b" => Self::HalfB,
             "alpha" => Self::Alpha,
+            "samples" => Self::Samples,
             _ => {
                 let of_feature = name.strip_suffix("_variance").and_then(feature);
                 return feature(name)
@@ -59,7 +61,7 @@ impl Input {
     pub(crate) fn channels(&self) -> usize {
         match self {
             Self::Feature(feature) | Self::FeatureVariance(feature) => feature.range().len(),
-            Self::Alpha | Self::Scalar(_) => 1,
+            Self::Alpha | Self::Samples | Self::Scalar(_) => 1,
             _ => 3,
         }
     }
@@ -108,6 +110,7 @@ impl fmt::Display for Input {
             Self::Feature(feature) => write!(f, "{}", feature.name()),
             Self::FeatureVariance(feature) => write!(f, "{}_variance", feature.name()),
             Self::Alpha => write!(f, "alpha"),
+            Self::Samples => write!(f, "samples"),
             Self::Layer(name) => write!(f, "layer.{name}"),
             Self::Scalar(name) => write!(f, "scalar.{name}"),
         }
@@ -140,6 +143,7 @@ mod tests {
             Input::HalfA,
             Input::HalfB,
             Input::Alpha,
+            Input::Samples,
         ];
         for input in own.into_iter().chain(features).chain(layers) {
             assert_eq!(Input::parse(&input.to_string()), Some(input));

@@ -12,7 +12,7 @@ use crate::versioned::{self, Versioned};
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum linpred_quality {
-    /// LINPRED_QUALITY_BALANCED.
+    /// LINPRED_QUALITY_BALANCED, and LINPRED_QUALITY_FAST for maps of samples.
     LINPRED_QUALITY_DEFAULT = 0,
     /// Well by one model.
     LINPRED_QUALITY_FAST = 4,
@@ -61,6 +61,8 @@ unsafe impl Versioned for linpred_options {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Settings {
     pub(crate) options: Options,
+    /// Those that a map of samples is made with.
+    pub(crate) for_sampling: Options,
     pub(crate) memory_limit: u64,
 }
 
@@ -68,6 +70,7 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             options: Options::default(),
+            for_sampling: Options::for_sampling(),
             memory_limit: linpred::job::DEFAULT_MEMORY_LIMIT,
         }
     }
@@ -75,40 +78,46 @@ impl Default for Settings {
 
 impl Settings {
     fn new(given: &linpred_options) -> Result<Self, Failure> {
-        let mut params = params(given.quality, given.formulas)?;
-        if given.coverage > 0 {
-            params.coverage = given.coverage.try_into().map_err(|_| {
-                let coverage = given.coverage;
-                Failure::argument(format!("coverage is {coverage}, and at most {}", u16::MAX))
-            })?;
-        }
-        let options = Options::new(params);
-        let limit = match given.memory_limit {
-            0 => linpred::job::DEFAULT_MEMORY_LIMIT,
-            bytes => bytes,
-        };
+        let default = Self::default();
         Ok(Self {
-            options: match NonZeroUsize::new(given.threads as usize) {
-                Some(threads) => options.with_threads(threads),
-                None => options,
+            options: options(given, default.options)?,
+            for_sampling: options(given, default.for_sampling)?,
+            memory_limit: match given.memory_limit {
+                0 => default.memory_limit,
+                bytes => bytes,
             },
-            memory_limit: limit,
         })
     }
 }
 
-fn params(quality: i32, formulas: i32) -> Result<Params, Failure> {
+/// Those that are given, and of others the defaults.
+fn options(given: &linpred_options, default: Options) -> Result<Options, Failure> {
+    let mut options = default;
+    options.params = params(given.quality, given.formulas, default.params)?;
+    if given.coverage > 0 {
+        options.params.coverage = given.coverage.try_into().map_err(|_| {
+            let coverage = given.coverage;
+            Failure::argument(format!("coverage is {coverage}, and at most {}", u16::MAX))
+        })?;
+    }
+    Ok(match NonZeroUsize::new(given.threads as usize) {
+        Some(threads) => options.with_threads(threads),
+        None => options,
+    })
+}
+
+fn params(quality: i32, formulas: i32, default: Params) -> Result<Params, Failure> {
     const DEFAULT: i32 = linpred_quality::LINPRED_QUALITY_DEFAULT as i32;
     const FAST: i32 = linpred_quality::LINPRED_QUALITY_FAST as i32;
     const BALANCED: i32 = linpred_quality::LINPRED_QUALITY_BALANCED as i32;
     const HIGH: i32 = linpred_quality::LINPRED_QUALITY_HIGH as i32;
     const ROBUST: i32 = linpred_formulas::LINPRED_FORMULAS_ROBUST as i32;
     const LITERAL: i32 = linpred_formulas::LINPRED_FORMULAS_LITERAL as i32;
-    let quality = match quality {
-        DEFAULT => Quality::default(),
-        FAST => Quality::Fast,
-        BALANCED => Quality::Balanced,
-        HIGH => Quality::High,
+    let robust = match quality {
+        DEFAULT => default,
+        FAST => Params::new(Quality::Fast),
+        BALANCED => Params::new(Quality::Balanced),
+        HIGH => Params::new(Quality::High),
         other => {
             return Err(Failure::argument(format!(
                 "quality is {other}, none of linpred_quality"
@@ -116,7 +125,7 @@ fn params(quality: i32, formulas: i32) -> Result<Params, Failure> {
         }
     };
     match formulas {
-        ROBUST => Ok(Params::new(quality).with_formulas(Formulas::Robust)),
+        ROBUST => Ok(robust.with_formulas(Formulas::Robust)),
         LITERAL => Ok(Params::literal()),
         other => Err(Failure::argument(format!(
             "formulas is {other}, none of linpred_formulas"
@@ -151,14 +160,28 @@ mod tests {
 
     #[test]
     fn qualities_are_those_of_the_library() {
-        let given = [0, 4, 5, 6].map(|quality| params(quality, 0).unwrap());
+        let settings = |quality, formulas| {
+            let given = linpred_options {
+                struct_size: size_of::<linpred_options>(),
+                quality,
+                formulas,
+                coverage: 0,
+                threads: 0,
+                memory_limit: 0,
+            };
+            let settings = Settings::new(&given).unwrap();
+            [settings.options, settings.for_sampling].map(|options| options.params)
+        };
+        use Quality::{Balanced, Fast, High};
         let own = [
-            Quality::Balanced,
-            Quality::Fast,
-            Quality::Balanced,
-            Quality::High,
+            (0, [Balanced, Fast]),
+            (4, [Fast; 2]),
+            (5, [Balanced; 2]),
+            (6, [High; 2]),
         ];
-        assert_eq!(given, own.map(Params::new));
-        assert_eq!(params(6, 1), Ok(Params::literal()));
+        for (quality, own) in own {
+            assert_eq!(settings(quality, 0), own.map(Params::new), "{quality}");
+        }
+        assert_eq!(settings(6, 1), [Params::literal(); 2]);
     }
 }

@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use crate::handle::{call, linpred_denoiser};
 use crate::status::linpred_status;
 
-/// Is told that `rows` rows of `of` are written, `user` as it was given; true goes on, false stops the run, which
+/// Is told that `rows` rows of `of` are done, `user` as it was given; true goes on, false stops the run, which
 /// then returns LINPRED_ERROR_CANCELLED. Called in the thread that called the library, and must return: no exception
 /// or longjmp may leave it.
 pub type linpred_progress_function =
@@ -42,7 +42,8 @@ impl Progress {
 }
 
 /// Has `function` told of every row that linpred_execute(), linpred_run_rows() and linpred_denoise_file() have
-/// written; NULL tells nobody.
+/// written, and of those that linpred_sample_map() and linpred_sample_map_file() have denoised, up to twice the image's;
+/// NULL tells nobody.
 ///
 /// # Safety
 /// `denoiser` is NULL, or of linpred_new() and not freed; `function` can be called with `user` until another is set.

@@ -35,7 +35,7 @@ pub(crate) struct RawImage {
     bytes: usize,
 }
 
-// SAFETY: it is an address and numbers. What lies there is read and written in the thread of linpred_execute() alone, whose caller lends it.
+// SAFETY: it is an address and numbers. What lies there is read and written in the thread of linpred_execute() or linpred_sample_map() alone, whose caller lends it.
 unsafe impl Send for RawImage {}
 // SAFETY: as above
 unsafe impl Sync for RawImage {}
@@ -132,6 +132,20 @@ impl RawImage {
             }
         }
         clamped
+    }
+
+    /// Writes row `y` of whole numbers, each of which takes the place of a float.
+    ///
+    /// # Safety
+    /// The memory is the caller's to write.
+    pub(crate) unsafe fn write_numbers(&self, y: usize, numbers: &[u32]) {
+        assert!(self.format.sample == Sample::Float && y < self.size.height());
+        let row = self.row(0, y);
+        for (x, &number) in numbers.iter().take(self.size.width()).enumerate() {
+            let at = row.wrapping_add(x * self.pixel_stride).cast::<u32>();
+            // SAFETY: within the image, which the caller may write
+            unsafe { at.write_unaligned(number) };
+        }
     }
 
     /// Whether the first pixels share a byte.

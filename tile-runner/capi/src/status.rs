@@ -2,7 +2,7 @@
 
 use std::ffi::{CStr, CString, c_char};
 
-use linpred::Error;
+use linpred::{Error, Remedy};
 
 /// What became of a call. Numbers up to 6 mean what they mean in OIDN.
 #[repr(i32)]
@@ -130,7 +130,21 @@ impl From<Error> for Failure {
             Error::Renderer(_) => LINPRED_ERROR_CALLBACK,
             _ => LINPRED_ERROR_INTERNAL,
         };
-        Self::new(status, format!("{error}{}", error.causes()))
+        Self::new(
+            status,
+            format!("{error}{}{}", advice(&error), error.causes()),
+        )
+    }
+}
+
+/// What would mend it, where that is a member of the header's.
+fn advice(error: &Error) -> &'static str {
+    match error {
+        Error::Incomplete {
+            remedy: Remedy::Samples | Remedy::SamplesOrNoVariance,
+            ..
+        } => "; set samples_per_pixel of linpred_file_options",
+        _ => "",
     }
 }
 

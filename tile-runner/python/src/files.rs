@@ -9,7 +9,10 @@ use std::sync::atomic::Ordering;
 use linpred::channels::{Mapping, PRESET_NAMES, Preset, RoleRequest};
 use linpred::cli;
 use linpred::image::ExtraLayers;
-use linpred::job::{self, Band, CompareRequest, Input, InputRequest, JobOptions, Remark, Wrap};
+use linpred::job::{
+    self, Band, CompareRequest, Input, InputRequest, JobOptions, MergeRequest, Merging, Remark,
+    Wrap,
+};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -256,6 +259,44 @@ pub(crate) fn stitch(py: Python<'_>, bands: Vec<PathBuf>, output: PathBuf) -> Py
         let bands: Vec<_> = bands.iter().map(PathBuf::as_path).collect();
         job::stitch(&bands, &output, stop)
     })
+}
+
+/// Merges the passes of an image. `reading` is of each of them, but for the path. Warnings are given to `warn` before it begins.
+#[pyfunction]
+pub(crate) fn merge<'py>(
+    py: Python<'py>,
+    passes: Vec<PathBuf>,
+    reading: Reading,
+    output: PathBuf,
+    warn: &Bound<'py, PyAny>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<()> {
+    let InputRequest {
+        roles,
+        memory_limit,
+        ..
+    } = reading.request()?;
+    job::check_output_name(&output).map_err(raise)?;
+    let request = MergeRequest::new(passes)
+        .with_roles(roles)
+        .with_memory_limit(memory_limit.unwrap_or(job::DEFAULT_MEMORY_LIMIT));
+    let merging = py.detach(|| Merging::open(&request)).map_err(raise)?;
+    for remark in merging.remarks() {
+        if let Remark::Warning(warning) = remark {
+            warn.call1((warning,))?;
+        }
+    }
+    let merged = watched(py, merging.height(), progress.as_ref(), |stop, tell| {
+        merging.write(&output, stop, tell)
+    })?;
+    match merged.lost {
+        0 => Ok(()),
+        lost => warn
+            .call1((format!(
+                "{lost} pixels of the passes are not finite: they took no part, and their samples are not counted"
+            ),))
+            .map(|_| ()),
+    }
 }
 
 /// The command line; its exit code.

@@ -19,7 +19,7 @@ mod _linpred {
     #[pymodule_export]
     use super::errors::{Busy, InputError};
     #[pymodule_export]
-    use super::files::{check, compare, denoise_file, frames, inspect, main, plan, stitch};
+    use super::files::{check, compare, denoise_file, frames, inspect, main, merge, plan, stitch};
     #[pymodule_export]
     use super::frame::denoise;
     #[pymodule_export]

@@ -4,8 +4,8 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
-use linpred::job::{self, JobOptions, check_memory};
-use linpred::sampling::{Goal, Scratch, Summary, measure};
+use linpred::job::{self, JobOptions, check_memory_of_map};
+use linpred::sampling::{Goal, Scratch, Summary, measure, rows_to_measure};
 use linpred::{Error, RowSource};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
@@ -35,9 +35,9 @@ pub(crate) fn sample_map<'py>(
     let mut frame = frame(&planes).map_err(raise)?;
     let layout = frame.layout();
     let (width, height) = (layout.size.width(), layout.size.height());
-    let runs = linpred::sampling::RUNS;
-    let (map, summary) = watched(py, runs * height, progress.as_ref(), move |stop, tell| {
-        check_memory(&layout, &options, u64::MAX)?;
+    let rows = rows_to_measure(&layout);
+    let (map, summary) = watched(py, rows, progress.as_ref(), move |stop, tell| {
+        check_memory_of_map(&layout, &options, &Scratch::Memory, u64::MAX)?;
         let mut go_on = |rows| {
             tell(rows);
             match stop.load(Ordering::Relaxed) {

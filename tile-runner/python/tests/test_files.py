@@ -87,6 +87,62 @@ def test_bands_are_stitched_to_the_whole(clean: Path, tmp_path: Path) -> None:
     assert (tmp_path / "whole.exr").read_bytes() == clean.read_bytes()
 
 
+def passes_of(tmp_path: Path, names: str = "ab") -> list[Path]:
+    """Passes of 3, 4, ... samples per pixel, all of one mean."""
+    paths = []
+    for n, name in enumerate(names, 3):
+        counts = np.full((30, 40), n, np.float32)
+        write(tmp_path / f"{name}.exr", dict(zip("RGB", noise(30, 40, n).transpose(2, 0, 1)), sampleCount=counts))
+        paths.append(tmp_path / f"{name}.exr")
+    return paths
+
+
+def test_passes_are_merged_to_the_file_of_the_command(tmp_path: Path) -> None:
+    passes, told = passes_of(tmp_path), []
+    linpred.merge(reversed(passes), tmp_path / "all.exr", progress=lambda *rows: told.append(rows))
+    assert told[-1] == (30, 30)
+    done = command("merge", *passes, "-o", tmp_path / "command.exr")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "all.exr").read_bytes() == (tmp_path / "command.exr").read_bytes()
+    a, b, merged = (read(path) for path in (*passes, tmp_path / "all.exr"))
+    assert np.allclose(merged["R"], (3 * a["R"] + 4 * b["R"]) / 7, rtol=1e-6)
+    assert np.all(merged["sampleCount"] == 7)
+    linpred.merge(passes, tmp_path / "asked.exr", spp=5)
+    assert np.all(read(tmp_path / "asked.exr")["sampleCount"] == 10)
+
+
+def test_passes_that_cannot_be_merged_are_refused_in_a_sentence(tmp_path: Path) -> None:
+    passes, out = passes_of(tmp_path), tmp_path / "all.exr"
+    with pytest.raises(ValueError, match="are one file"):
+        linpred.merge([passes[0], passes[0]], out)
+    with pytest.raises(TypeError, match="^passes: .* is one path"):
+        linpred.merge(str(passes[0]), out)
+    with pytest.raises(FileNotFoundError, match="missing.exr"):
+        linpred.merge([*passes, tmp_path / "missing.exr"], out)
+    small_file(tmp_path / "uncounted.exr")
+    with pytest.raises(linpred.InputError, match="give spp=N"):
+        linpred.merge([tmp_path / "uncounted.exr"], out)
+    with pytest.raises(MemoryError, match="max_memory"):
+        linpred.merge(passes, out, max_memory="1M")
+
+    def fail(done: int, of_all: int) -> None:
+        raise ValueError("enough")
+
+    with pytest.raises(ValueError, match="^enough$"):
+        linpred.merge(passes, out, progress=fail)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.exr", "b.exr", "uncounted.exr"]
+
+
+def test_pixels_that_take_no_part_are_warned_of(tmp_path: Path) -> None:
+    a, b = passes_of(tmp_path)
+    broken = read(a)
+    broken["G"][3, 5] = np.nan
+    write(a, broken)
+    with pytest.warns(linpred.InputWarning, match="^1 pixels of the passes are not finite"):
+        linpred.merge([a, b], tmp_path / "all.exr")
+    assert read(tmp_path / "all.exr")["sampleCount"][3, 5] == 4
+
+
 def test_a_plan_says_what_a_run_would_take() -> None:
     plan = linpred.plan(SAMPLE, threads=1)
     assert plan.threads == 1

@@ -75,9 +75,12 @@ fn report(merged: &Merged, output: &Path, took: Duration, format: LogFormat) {
             let peak = merged
                 .peak_memory
                 .map(|bytes| format!(", {} MiB", bytes >> 20));
+            let passes = match merged.passes {
+                1 => "1 pass".to_owned(),
+                many => format!("{many} passes"),
+            };
             tracing::info!(
-                "{output}: merged from {} passes, {:.1} samples per pixel ({} to {}), {seconds:.2} s{}",
-                merged.passes,
+                "{output}: merged from {passes}, {:.1} samples per pixel ({} to {}), {seconds:.2} s{}",
                 merged.samples,
                 merged.fewest,
                 merged.most,

@@ -4,6 +4,7 @@ use std::fmt;
 
 use crate::error::{Error, Mebibytes};
 use crate::row::RowLayout;
+use crate::sampling::{Measurement, Scratch};
 use crate::stream::pipeline::{self, Options};
 
 /// What a run may use when nothing else is said: what a render node has to spare.
@@ -60,6 +61,28 @@ pub fn check_memory(layout: &RowLayout, options: &Options, limit: u64) -> Result
         format!("rows of {width} pixels on {threads} threads"),
         pipeline::bytes(layout, options),
     );
+    plan.check(limit)?;
+    check_available(&plan, threads.get())
+}
+
+/// The same for [`measure`](crate::sampling::measure) and the map that is planned with it, which `scratch` is put aside in.
+pub fn check_memory_of_map(
+    layout: &RowLayout,
+    options: &Options,
+    scratch: &Scratch,
+    limit: u64,
+) -> Result<(), Error> {
+    let (size, threads) = (layout.size, options.threads);
+    let mut plan = MemoryPlan::default();
+    plan.add(
+        format!("rows of {} pixels on {threads} threads", size.width()),
+        pipeline::bytes(layout, options).saturating_add(Measurement::bytes(size)),
+    );
+    if let Scratch::Memory = scratch {
+        // memory that grows takes up to twice what it holds
+        let bytes = Measurement::bytes_aside(size).saturating_mul(2);
+        plan.add("what is put aside of every pixel", bytes);
+    }
     plan.check(limit)?;
     check_available(&plan, threads.get())
 }

@@ -40,7 +40,7 @@ pub use compare::{
 pub use denoise::{Summary, denoise, rows_to_write};
 pub use input::{Input, InputRequest, Remark, Wrap, only_picture, remarks};
 pub use inspect::{Inspection, PartInfo, RoleInfo, describe, inspect, inspect_with, survey};
-pub use memory::{DEFAULT_MEMORY_LIMIT, MemoryPlan, check_memory};
+pub use memory::{DEFAULT_MEMORY_LIMIT, MemoryPlan, check_memory, check_memory_of_map};
 pub use merge::{MergeRequest, Merged, Merging};
 pub use options::JobOptions;
 pub use output_name::check_output_name;

@@ -63,7 +63,7 @@ pub fn sample_map(
 
 /// How many rows [`sample_map`] denoises, which its progress counts.
 pub fn rows_to_measure(picture: &Input) -> usize {
-    sampling::RUNS * picture.area.size.height()
+    sampling::rows_to_measure(&picture.layout())
 }
 
 /// How [`sample_map`] would denoise the picture, and what it would hold in memory. Errors as for [`plan`](super::plan()).

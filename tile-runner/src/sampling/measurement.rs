@@ -55,6 +55,9 @@ pub struct Measurement {
 /// Planes of a row that is put aside: the error that was claimed, the one that was seen, and the samples.
 pub(super) const PLANES: usize = 3;
 
+/// Planes of a row that the first run leaves: the denoised colour with its error, and the samples.
+const FIRST: [usize; 2] = [4, 1];
+
 impl Measurement {
     /// For a renderer that has its denoised pixels at hand: nothing yet of an image of this size.
     pub fn new(size: ImageSize, scratch: Scratch) -> Self {
@@ -76,6 +79,11 @@ impl Measurement {
         // rows as they are put aside, around one that is smoothed, and of demands and maps
         let rows = plane_bytes(size, 1, 6 * PLANES + 3 * PLANES + 5 + 2);
         rows.saturating_add(quantile::bytes(1))
+    }
+
+    /// Bytes that are put aside at most: while the image is looked at for the second time.
+    pub(crate) fn bytes_aside(size: ImageSize) -> u64 {
+        plane_bytes(size, size.height(), FIRST[0] + FIRST[1] + PLANES)
     }
 
     /// Takes the next row, from top to bottom. [`Error::Usage`] if its planes have another length or the image has no more rows, [`Error::Write`] if there is no room for it.
@@ -143,11 +151,18 @@ fn usable(value: f32) -> f32 {
     }
 }
 
-/// How many times an image is denoised, which the progress of [`measure`] counts the rows of.
-pub const RUNS: usize = 2;
+/// How many rows [`measure`] denoises of such an image, which its progress counts: all of them twice, or once if nothing is known of the colour's noise.
+pub fn rows_to_measure(layout: &RowLayout) -> usize {
+    let runs = match layout.variance {
+        VarianceKind::Estimated => 1,
+        _ => 2,
+    };
+    runs * layout.size.height()
+}
 
-/// Measures an image: denoises it as it is, and with more noise. `source` says how many samples each pixel has ([`RowLayout::with_samples`]), and is asked for every row twice, each time
-/// from 0 to `height - 1`. `progress` is told how many rows have been denoised, of twice the image's; when it breaks, the run ends with [`Error::Cancelled`].
+/// Measures an image: denoises it as it is, and with more noise. `source` says how many samples each pixel has ([`RowLayout::with_samples`]), and is asked for every row from 0 to
+/// `height - 1`, and if it has a variance once more. `progress` is told how many of the [`rows_to_measure`] have been denoised; when it breaks, the run ends with
+/// [`Error::Cancelled`].
 ///
 /// [`Error::Usage`] if the source says nothing of samples, [`Error::Write`] if there is no room in the scratch.
 pub fn measure(
@@ -217,9 +232,9 @@ impl Once {
         let width = layout.size.width();
         Self {
             size: layout.size,
-            denoised: RowFile::new(scratch, width, 4),
-            samples: RowFile::new(scratch, width, 1),
-            row: vec![0.0; 4 * width],
+            denoised: RowFile::new(scratch, width, FIRST[0]),
+            samples: RowFile::new(scratch, width, FIRST[1]),
+            row: vec![0.0; FIRST[0] * width],
             counts: vec![0.0; width],
         }
     }

@@ -55,5 +55,5 @@ mod second_look;
 pub use goal::{Goal, MOST_SAMPLES};
 pub use map::{SampleMap, Summary};
 pub(crate) use measurement::measure_by;
-pub use measurement::{MeasuredRow, Measurement, RUNS, measure};
+pub use measurement::{MeasuredRow, Measurement, measure, rows_to_measure};
 pub use scratch::Scratch;

@@ -12,7 +12,7 @@ use linpred_c::{linpred_denoise_file, linpred_file_options, linpred_status};
 
 use crate::host::{HEIGHT, Host, WIDTH, pixels};
 
-fn write_noise(path: &Path) {
+pub(crate) fn write_noise(path: &Path) {
     let channels = ["R", "G", "B"]
         .iter()
         .enumerate()
@@ -27,12 +27,14 @@ fn write_noise(path: &Path) {
     Image::from_layer(layer).write().to_file(path).unwrap();
 }
 
-fn options() -> linpred_file_options {
+pub(crate) fn options() -> linpred_file_options {
     linpred_file_options {
         struct_size: size_of::<linpred_file_options>(),
         other_half: null(),
         error_layer: 0,
         models_layer: 0,
+        samples_per_pixel: 0,
+        reserved: 0,
     }
 }
 
@@ -47,7 +49,7 @@ fn denoise(
     unsafe { linpred_denoise_file(host.0, input.as_ptr(), output.as_ptr(), options) }
 }
 
-fn message(host: &Host) -> String {
+pub(crate) fn message(host: &Host) -> String {
     // SAFETY: the text stays until the next call
     let text = unsafe { std::ffi::CStr::from_ptr(linpred_c::linpred_message(host.0)) };
     text.to_str().unwrap().to_owned()

@@ -7,10 +7,10 @@ use linpred_c::linpred_status::{self, LINPRED_OK};
 use linpred_c::{
     linpred_denoiser, linpred_execute, linpred_free, linpred_get_report, linpred_layout,
     linpred_message, linpred_new, linpred_next_step, linpred_options, linpred_progress_function,
-    linpred_report, linpred_row_functions, linpred_run_rows, linpred_set_image,
-    linpred_set_options, linpred_set_output, linpred_set_progress, linpred_start_rows,
-    linpred_status_text, linpred_step, linpred_stop_rows, linpred_unset_image,
-    linpred_unset_output,
+    linpred_report, linpred_row_functions, linpred_run_rows, linpred_sample_goal,
+    linpred_sample_map, linpred_sample_summary, linpred_set_image, linpred_set_options,
+    linpred_set_output, linpred_set_progress, linpred_start_rows, linpred_status_text,
+    linpred_step, linpred_stop_rows, linpred_unset_image, linpred_unset_output,
 };
 
 pub(crate) const WIDTH: usize = 41;
@@ -188,6 +188,51 @@ impl Host {
         self.told(unsafe { linpred_execute(self.0) })
     }
 
+    pub(crate) fn sample_map_to(
+        &self,
+        goal: &linpred_sample_goal,
+        map: *mut u32,
+        size: (usize, usize),
+        at: At,
+        summary: *mut linpred_sample_summary,
+    ) -> Told {
+        let (width, height) = size;
+        let (pixel, row) = (at.pixel_stride, at.row_stride);
+        // SAFETY: the structs have room, whatever sizes tests state; the map lies where it can be written, or is refused
+        self.told(unsafe {
+            linpred_sample_map(
+                self.0,
+                goal,
+                map,
+                width,
+                height,
+                at.byte_offset,
+                pixel,
+                row,
+                summary,
+            )
+        })
+    }
+
+    /// The map of an image of the usual size.
+    pub(crate) fn sample_map(
+        &self,
+        goal: &linpred_sample_goal,
+        map: &mut [u32],
+    ) -> (Told, linpred_sample_summary) {
+        assert_eq!(map.len(), WIDTH * HEIGHT);
+        let mut summary = no_summary();
+        let at = At::default();
+        let told = self.sample_map_to(
+            goal,
+            map.as_mut_ptr(),
+            (WIDTH, HEIGHT),
+            at,
+            &raw mut summary,
+        );
+        (told, summary)
+    }
+
     pub(crate) fn report(&self) -> (Told, linpred_report) {
         let mut report = linpred_report {
             struct_size: size_of::<linpred_report>(),
@@ -264,6 +309,27 @@ pub(crate) fn layout() -> linpred_layout {
         layers: 0,
         scalars: 0,
         reserved: 0,
+    }
+}
+
+pub(crate) fn goal(budget: f64, target_error: f64) -> linpred_sample_goal {
+    linpred_sample_goal {
+        struct_size: size_of::<linpred_sample_goal>(),
+        budget,
+        target_error,
+    }
+}
+
+pub(crate) fn no_summary() -> linpred_sample_summary {
+    linpred_sample_summary {
+        struct_size: size_of::<linpred_sample_summary>(),
+        pixels: 0,
+        samples: 0,
+        added: 0,
+        most: 0,
+        reserved: 0,
+        error: 0.0,
+        error_then: 0.0,
     }
 }
 

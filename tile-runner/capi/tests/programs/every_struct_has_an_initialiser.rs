@@ -15,6 +15,8 @@ fn every_struct_has_an_initialiser() {
         "step",
         "row_functions",
         "file_options",
+        "sample_goal",
+        "sample_summary",
     ];
     // those that the library makes
     let made = ["input_row", "output_row", "denoiser"];

@@ -10,11 +10,11 @@ use linpred::{Options, Params, Quality};
 
 use crate::installed::folder;
 
-const WIDTH: usize = 64;
-const HEIGHT: usize = 48;
+pub(crate) const WIDTH: usize = 64;
+pub(crate) const HEIGHT: usize = 48;
 
 /// scene_random() of examples/scene.h.
-fn random(n: u32) -> f32 {
+pub(crate) fn random(n: u32) -> f32 {
     let mut n = n.wrapping_add(1).wrapping_mul(0x9E37_79B9);
     n = (n ^ (n >> 16)).wrapping_mul(0x7FEB_352D);
     n = (n ^ (n >> 15)).wrapping_mul(0x846C_A68B);
@@ -105,14 +105,14 @@ pub(crate) fn checksum_of_the_file(name: &str) -> String {
             .unwrap();
         channel.sample_data.values_as_f32().collect::<Vec<f32>>()
     });
-    let mut sum = 0xCBF2_9CE4_8422_2325_u64;
-    for i in 0..WIDTH * HEIGHT {
-        for byte in [red[i], green[i], blue[i]]
-            .into_iter()
-            .flat_map(f32::to_le_bytes)
-        {
-            sum = (sum ^ u64::from(byte)).wrapping_mul(0x100_0000_01B3);
-        }
-    }
-    format!("{sum:016x}\n")
+    let pixels = (0..WIDTH * HEIGHT).flat_map(|i| [red[i], green[i], blue[i]]);
+    format!("{:016x}\n", checksum(pixels))
+}
+
+/// scene_checksum() of examples/scene.h.
+pub(crate) fn checksum(values: impl IntoIterator<Item = f32>) -> u64 {
+    let bytes = values.into_iter().flat_map(f32::to_le_bytes);
+    bytes.fold(0xCBF2_9CE4_8422_2325, |sum: u64, byte| {
+        (sum ^ u64::from(byte)).wrapping_mul(0x100_0000_01B3)
+    })
 }

@@ -44,6 +44,11 @@ fn of_rows() {
     nothing_leaks("rows.c", "rows-leaks");
 }
 
+#[test]
+fn of_a_map() {
+    nothing_leaks("adaptive.c", "adaptive-leaks");
+}
+
 /// Bytes that are there at the end, lost or not.
 fn left(log: &str) -> u64 {
     let line = log

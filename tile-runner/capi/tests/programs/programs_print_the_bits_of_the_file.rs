@@ -3,6 +3,7 @@
 
 use std::process::Command;
 
+use crate::adaptive_by_the_library::checksum_by_the_library;
 use crate::frame_in_a_file::checksum_of_the_file;
 use crate::installed::{Library, build, run};
 
@@ -10,6 +11,10 @@ const SANITISERS: [&str; 2] = ["-fsanitize=address,undefined", "-fno-sanitize-re
 
 fn prints_the_bits(example: &str, lines: usize, name: &str) {
     let wanted = checksum_of_the_file(&format!("{name}-file")).repeat(lines);
+    prints(example, &wanted, name);
+}
+
+fn prints(example: &str, wanted: &str, name: &str) {
     for library in [Library::Shared, Library::Static] {
         let Some(program) = build(
             example,
@@ -40,4 +45,13 @@ fn frame_in_cpp() {
 #[test]
 fn rows_in_c() {
     prints_the_bits("examples/rows.c", 2, "rows");
+}
+
+#[test]
+fn a_map_in_c_and_what_is_rendered_by_it() {
+    prints(
+        "examples/adaptive.c",
+        &checksum_by_the_library(),
+        "adaptive",
+    );
 }

@@ -9,7 +9,7 @@ fn the_page_shows_what_runs() {
     let page = fs::read_to_string(package().join("../../docs/c.md"))
         .unwrap()
         .replace("\r\n", "\n");
-    for example in ["frame.c", "rows.c"] {
+    for example in ["frame.c", "adaptive.c", "rows.c"] {
         let code = fs::read_to_string(package().join("examples").join(example))
             .unwrap()
             .replace("\r\n", "\n");

@@ -13,6 +13,8 @@ Where a renderer should take more samples, of arrays and of files::
 
     linpred.sample_map(colour, variance=variance, samples=4, budget=8).samples
 
+Passes of one picture, each with samples of its own, are put together by :func:`merge`.
+
 Frames larger than memory, row by row: :func:`denoise_rows`. What is in a file, and how far it is from a reference: :func:`inspect`,
 :func:`compare`.
 
@@ -28,6 +30,7 @@ from linpred._files import (
     compare,
     denoise_file,
     inspect,
+    merge,
     plan,
     stitch,
 )
@@ -53,6 +56,7 @@ __all__ = [
     "denoise_file",
     "denoise_rows",
     "inspect",
+    "merge",
     "plan",
     "sample_map",
     "sample_map_file",

@@ -311,6 +311,55 @@ def compare(
 
 def stitch(bands: Iterable[Path], output: Path) -> None:
     """Puts the bands of an image together, in any order, into ``output``: see ``band`` of :func:`denoise_file`."""
-    if isinstance(bands, (str, bytes, os.PathLike)):
-        raise TypeError(f"bands: {bands!r} is one path; they are a list of paths")
-    _linpred.stitch([as_path("bands", band) for band in bands], as_path("output", output))
+    _linpred.stitch(_paths("bands", bands), as_path("output", output))
+
+
+def merge(
+    passes: Iterable[Path],
+    output: Path,
+    *,
+    preset: str = "auto",
+    map: Mapping[str, str] | None = None,
+    spp: int | None = None,
+    max_memory: int | str | None = None,
+    progress: Progress = None,
+) -> None:
+    """Puts the passes of an image, renders of it with samples of their own, into one file, as if all samples had been taken at once: what ``linpred merge`` does.
+
+    Of every pixel ``output`` has the mean, the variance of all samples together, and how many there are (``sampleCount``, or the channel in which the passes state it).
+    The order of the passes does not matter, and merged passes can be merged with more.
+
+    Args:
+        passes: The passes, EXR files of one size with the same channels. How many samples each of their pixels has, they state, or ``spp``.
+        output: All of them in one. It appears whole or not at all.
+        preset, map: As for :func:`denoise_file`, of every pass.
+        spp: Samples per pixel of each of the passes, where they do not state them, or state them wrongly.
+        max_memory: Bytes that may be used, or ``"256M"``; 2 GiB by default. What it takes grows with the number of passes.
+        progress: A function of (rows done, of all), called on this thread, or a ``tqdm`` bar. What it raises ends the run, which leaves nothing behind.
+
+    Raises:
+        ValueError: The arguments make no sense, whatever the files hold; a file is given twice.
+        InputError: The passes are damaged, not of one picture, or hold samples of each other (a ValueError, too).
+        OSError: A file cannot be read or written.
+        MemoryError: The job takes more memory than it may or can have.
+        KeyboardInterrupt: Ctrl-C was pressed; no output is left half-written.
+
+    Warns:
+        InputWarning: Something about a pass is not as it should be; pixels that are not finite took no part.
+    """
+    paths = _paths("passes", passes)
+    read = reading("", preset, map, spp, None, (), "auto", max_memory)
+    _linpred.merge(paths, read, as_path("output", output), _warn_here, as_function(progress))
+
+
+def _warn_here(text: str) -> None:
+    python_warnings.warn(text, InputWarning, stacklevel=3)
+
+
+def _paths(name: str, paths: object) -> list[str]:
+    """Several paths, not one."""
+    if isinstance(paths, (str, bytes, os.PathLike)):
+        raise TypeError(f"{name}: {paths!r} is one path; they are a list of paths")
+    if not isinstance(paths, Iterable):
+        raise TypeError(f"{name}: {paths!r} is no list of paths")
+    return [as_path(name, path) for path in paths]

@@ -14,6 +14,7 @@ __all__ = [
     "frames",
     "inspect",
     "main",
+    "merge",
     "plan",
     "sample_map",
     "sample_map_file",
@@ -75,4 +76,11 @@ def sample_map_file(
     warn: Callable[[str], object],
     progress: Callable[[int, int], object] | None,
 ) -> dict[str, Any]: ...
+def merge(
+    passes: list[str],
+    reading: dict[str, Any],
+    output: str,
+    warn: Callable[[str], object],
+    progress: Callable[[int, int], object] | None,
+) -> None: ...
 def main(arguments: list[str]) -> int: ...

@@ -91,7 +91,7 @@ def sample_map(
             is better: the frame is looked at twice.
         quality: How the frame is denoised to see where it is wrong; a better one takes longer and finds no better map.
         coverage, formulas, threads: As for :func:`linpred.denoise`.
-        progress: A function of (rows done, rows in all, twice the frame's), or a ``tqdm`` bar. What it raises ends the run.
+        progress: A function of (rows done, rows in all: the frame's, or with a variance twice as many), or a ``tqdm`` bar. What it raises ends the run.
 
     Raises:
         ValueError: As for :func:`linpred.denoise`; or there is neither a budget nor a target, or it is out of range.
@@ -151,7 +151,7 @@ def sample_map_file(
         budget, target_error: As for :func:`sample_map`.
         quality, coverage, formulas: How the file is denoised to see where it is wrong.
         preset, map, spp, other_half, wrap, threads, max_memory: As for :func:`linpred.denoise_file`.
-        progress: A function of (rows done, rows in all, twice the image's), or a ``tqdm`` bar.
+        progress: A function of (rows done, rows in all: the image's, or with a variance twice as many), or a ``tqdm`` bar.
 
     Raises and warns as :func:`linpred.denoise_file`.
     """
