@@ -130,7 +130,7 @@ class Cycles:
     def counts(self, samples: float) -> np.ndarray:
         """Samples of each pixel for that many on average."""
         low, high = 1e-7, float(self.noise.max())
-        for _ in range(18):
+        for _ in range(12):
             threshold = np.sqrt(low * high)
             low, high = (threshold, high) if self._until(threshold).mean() > samples else (low, threshold)
         return self._until(high)

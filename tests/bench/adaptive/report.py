@@ -23,15 +23,12 @@ COLUMNS = ("scene", "seed", "method", "total", "samples", "most", "rmse", "psnr"
 LOOP_COLUMNS = ("scene", "samples", "passes", "rendering", "other")
 
 
-def write(folder: Path, rows: list[tuple], seconds: list[tuple]) -> None:
-    """Writes what was measured; what was not stays as it is."""
-    for name, columns, lines in (("results.csv", COLUMNS, rows), ("loop.csv", LOOP_COLUMNS, seconds)):
-        if not lines and (folder / name).is_file():
-            continue
-        with open(folder / name, "w", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(columns)
-            writer.writerows(lines)
+def write(folder: Path, name: str, columns: tuple[str, ...], lines: list[tuple]) -> None:
+    """Writes what was measured so far."""
+    with open(folder / name, "w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(lines)
 
 
 class Figures:
@@ -49,7 +46,9 @@ class Figures:
                 else:
                     self._rows[scene, seed, method, total] = found
         self.scenes = list(dict.fromkeys(key[0] for key in self._rows))
-        self.seeds = sorted({key[1] for key in self._rows})
+        # those that all scenes have, where a run was ended early
+        seeds = ({key[1] for key in self._rows if key[0] == scene} for scene in self.scenes)
+        self.seeds = sorted(set.intersection(*seeds))
 
     def of(self, scene: str, method: str, samples: int, name: str) -> list[float]:
         """A figure of each seed."""
@@ -145,10 +144,10 @@ def _correlations(figures: Figures) -> list[str]:
 
 
 def _seconds(folder: Path) -> list[str]:
+    if not (folder / "loop.csv").is_file():
+        return []
     with open(folder / "loop.csv", newline="") as file:
         seconds = list(csv.DictReader(file))
-    if not seconds:
-        return []
     lines = ["## Seconds of a whole loop, `linpred.mitsuba.render`\n"]
     lines += ["| scene | samples per pixel | passes | rendering | everything else | share |", "|---|---|---|---|---|---|"]
     for row in seconds:
@@ -183,13 +182,11 @@ def plot(folder: Path) -> None:
     drawing.savefig(folder / "plot.svg", metadata={"Date": None})
 
 
-def pictures(kept: dict[str, dict[str, np.ndarray]], folder: Path) -> None:
-    """Maps of each scene, and for one of them the pictures side by side: whole, and a part of them enlarged."""
-    for scene, found in kept.items():
-        _png(folder / f"map-{scene}.png", np.concatenate([_shade(found["linpred map"]), _shade(found["oracle map"])], axis=1))
-    if SHOWN not in kept:
+def pictures(scene: str, found: dict[str, np.ndarray], folder: Path) -> None:
+    """The maps of a scene, and of one scene the pictures side by side: whole, and a part of them enlarged."""
+    _png(folder / f"map-{scene}.png", np.concatenate([_shade(found["linpred map"]), _shade(found["oracle map"])], axis=1))
+    if scene != SHOWN:
         return
-    found = kept[SHOWN]
     shade = np.repeat(_shade(found["linpred map"])[..., None], 3, axis=-1)
     panels = [_srgb(found["uniform"]), _srgb(found["linpred"]), _srgb(found["reference"]), shade]
     _png(folder / "adaptive.png", np.concatenate(panels, axis=1))

@@ -21,7 +21,7 @@ HERE = Path(__file__).resolve().parent
 TOTALS = (4, 8, 12, 16, 24, 36, 54, 64)
 """Samples per pixel after each pass, as `linpred.mitsuba` takes them."""
 MEASURED = (4, 8, 16, 36, 64)
-UNIFORM = (*TOTALS, 96, 128, 192)
+UNIFORM = (*TOTALS, 96, 192)
 """More of uniform sampling, to tell how many samples it needs for an error."""
 LOOKED_AT = 16
 """Samples per pixel of the pictures, and of FLIP, which takes longer than all else."""
@@ -155,19 +155,22 @@ def main() -> None:
     for scene in scenes:
         renders.render_series(scene, asked.scenes, asked.cache)
         renders.reference(scene, asked.scenes, asked.cache, asked.stored, score)
-    tasks = [Task(scene, seed, asked.seeds, asked) for scene in scenes for seed in range(asked.seeds)]
-    rows, kept = [], {}
+    with open(asked.out / "commands.txt", "a") as file:
+        file.write(f"{began} {machine()} {revision()}: python {' '.join(sys.argv)}\n")
+    tasks = [Task(scene, seed, asked.seeds, asked) for seed in range(asked.seeds) for scene in scenes]
+    rows = []
     with ProcessPoolExecutor(asked.processes) as workers:
         for task, (found, pictures) in zip(tasks, workers.map(measured, tasks)):
             rows.extend(found)
-            print(f"{task.scene}, seed {task.seed}: measured", flush=True)
+            report.write(asked.out, "results.csv", report.COLUMNS, rows)
             if task.seed == 0:
-                kept[task.scene] = pictures
-    seconds = [] if asked.no_loop else [row for scene in scenes for row in loop_seconds(scene, asked)]
-    report.write(asked.out, rows, seconds)
-    report.pictures(kept, asked.out)
-    with open(asked.out / "commands.txt", "a") as file:
-        file.write(f"{began} {machine()} {revision()}: python {' '.join(sys.argv)}\n")
+                report.pictures(task.scene, pictures, asked.out)
+            print(f"{task.scene}, seed {task.seed}: measured", flush=True)
+    if not asked.no_loop:
+        seconds = []
+        for scene in scenes:
+            seconds.extend(loop_seconds(scene, asked))
+            report.write(asked.out, "loop.csv", report.LOOP_COLUMNS, seconds)
     report.table(asked.out)
     report.plot(asked.out)
 
