@@ -13,7 +13,7 @@ Where a renderer should take more samples, of arrays and of files::
 
     linpred.sample_map(colour, variance=variance, samples=4, budget=8).samples
 
-Passes of one picture, each with samples of its own, are put together by :func:`merge`.
+Passes of one picture, each with samples of its own, are put together by :func:`merge`. The whole loop with Mitsuba 3: :mod:`linpred.mitsuba`.
 
 Frames larger than memory, row by row: :func:`denoise_rows`. What is in a file, and how far it is from a reference: :func:`inspect`,
 :func:`compare`.

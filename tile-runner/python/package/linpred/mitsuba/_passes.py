@@ -31,22 +31,36 @@ VARIANCES = (*(f"variance.{c}" for c in "RGB"), *(f"albedoVariance.{c}" for c in
 SAMPLES = "sampleCount"
 
 
+CHANNELS = (*MEANS, *VARIANCES, SAMPLES)
+"""Of a pass file, in the order of :class:`Statistics`."""
+
+
 @dataclass(frozen=True)
 class Statistics:
     """What a pass found.
 
     Attributes:
-        means: Shape (height, width, 10), float32: colour, albedo, shading normal and depth; the features are 0 where rays hit nothing.
-            0 in pixels without a sample.
-        variances: The same shape: of the mean. NaN in pixels with fewer than two samples.
-        counts: Shape (height, width), float32: the samples that the means are of.
+        pixels: Shape (height, width, 21), float32: the means, their variances, the samples.
         left_out: Samples with a value that is not finite: in no mean, and not in the counts.
     """
 
-    means: np.ndarray[Any, Any]
-    variances: np.ndarray[Any, Any]
-    counts: np.ndarray[Any, Any]
+    pixels: np.ndarray[Any, Any]
     left_out: int
+
+    @property
+    def means(self) -> np.ndarray[Any, Any]:
+        """Shape (height, width, 10): colour, albedo, shading normal and depth; the features are 0 where rays hit nothing. 0 in pixels without a sample."""
+        return self.pixels[..., :VALUES]
+
+    @property
+    def variances(self) -> np.ndarray[Any, Any]:
+        """Shape (height, width, 10): of the means. NaN in pixels with fewer than two samples."""
+        return self.pixels[..., VALUES : 2 * VALUES]
+
+    @property
+    def counts(self) -> np.ndarray[Any, Any]:
+        """Shape (height, width): the samples that the means are of."""
+        return self.pixels[..., -1]
 
 
 def trace(view: View, counts: np.ndarray[Any, Any], seed: int, number: int, tell: Callable[[int, int], object] | None = None) -> Statistics:
@@ -55,23 +69,21 @@ def trace(view: View, counts: np.ndarray[Any, Any], seed: int, number: int, tell
     ``seed`` and ``number``, which no other pass of the seed has, decide which: the same samples whenever they are asked for. ``tell`` learns of samples done
     and of all.
     """
+    # a pixel's samples are of one wavefront
     wanted = np.minimum(counts.reshape(-1), LANES).astype(np.uint32)
     pixels = np.flatnonzero(wanted).astype(np.uint32)
     wanted = wanted[pixels]
-    means = np.zeros((view.height * view.width, VALUES), np.float32)
-    variances = np.full_like(means, np.nan)
-    kept = np.zeros(view.height * view.width, np.float32)
+    found = np.zeros((view.height * view.width, len(CHANNELS)), np.float32)
+    found[:, VALUES : 2 * VALUES] = np.nan
     done, of_all = 0, int(wanted.sum(dtype=np.int64))
     for index, part in enumerate(_wavefronts(wanted)):
         first = _first_seed(seed, number * WAVEFRONTS + index)
-        mean, variance, count = _wavefront(view, pixels[part], wanted[part], first)
-        means[pixels[part]], variances[pixels[part]], kept[pixels[part]] = mean, variance, count
+        found[pixels[part]] = _wavefront(view, pixels[part], wanted[part], first)
         done += int(wanted[part].sum())
         if tell is not None:
             tell(done, of_all)
-    shape = (view.height, view.width, VALUES)
-    left_out = of_all - int(kept.sum(dtype=np.float64))
-    return Statistics(means.reshape(shape), variances.reshape(shape), kept.reshape(shape[:2]), left_out)
+    left_out = of_all - int(found[:, -1].sum(dtype=np.float64))
+    return Statistics(found.reshape(view.height, view.width, len(CHANNELS)), left_out)
 
 
 def _wavefronts(wanted: np.ndarray[Any, Any]) -> list[slice]:
@@ -92,8 +104,8 @@ def _first_seed(seed: int, wavefront: int) -> int:
     return int((place + wavefront) % 2**32)
 
 
-def _wavefront(view: View, pixels: np.ndarray[Any, Any], wanted: np.ndarray[Any, Any], seed: int) -> tuple[Any, Any, Any]:
-    """Mean, variance of the mean and samples of each of these pixels."""
+def _wavefront(view: View, pixels: np.ndarray[Any, Any], wanted: np.ndarray[Any, Any], seed: int) -> np.ndarray[Any, Any]:
+    """Means, their variances and the samples of each of these pixels: shape (pixels, 21)."""
     import drjit as dr
 
     mi = view.mi
@@ -110,11 +122,7 @@ def _wavefront(view: View, pixels: np.ndarray[Any, Any], wanted: np.ndarray[Any,
         squared_error = [dr.minimum(s / (n * (n - 1)), LARGEST) for s in spread]
         variances = [dr.select(n > 1, one, float("nan")) for one in squared_error]
         dr.eval(means, variances, count)
-    return _columns(means), _columns(variances), np.array(count, np.float32)
-
-
-def _columns(arrays: list[Any]) -> np.ndarray[Any, Any]:
-    return np.stack([np.array(array) for array in arrays], axis=-1)
+    return np.stack([np.array(column, np.float32) for column in (*means, *variances, count)], axis=-1)
 
 
 def _samples(view: View, pixel: Any, seed: int) -> tuple[list[Any], Any]:
@@ -173,9 +181,7 @@ def _sums(mi: Any, values: list[Any], kept: Any, starts: Any, wanted: Any) -> tu
 def write(view: View, found: Statistics, path: str) -> None:
     """Writes a pass as an EXR file of floats: what ``linpred.merge`` reads."""
     mi = view.mi
-    channels = [*MEANS, *VARIANCES, SAMPLES]
-    pixels = np.concatenate([found.means, found.variances, found.counts[..., None]], axis=-1)
-    bitmap = mi.Bitmap(pixels, mi.Bitmap.PixelFormat.MultiChannel, channels)
+    bitmap = mi.Bitmap(found.pixels, mi.Bitmap.PixelFormat.MultiChannel, list(CHANNELS))
     bitmap.write(path, mi.Bitmap.FileFormat.OpenEXR)
 
 
