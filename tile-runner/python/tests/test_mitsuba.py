@@ -245,7 +245,7 @@ def test_a_loop_that_is_killed_wherever_it_is_ends_with_the_same_bits(scene: Pat
             break
         assert run.returncode == -signal.SIGKILL, run.stderr
         killed += 1
-        assert killed < 20, sorted(linpred.mitsuba.passes_of(clean).iterdir())
+        assert killed < 40, sorted(linpred.mitsuba.passes_of(clean).iterdir())
     assert killed > 4
     assert clean.read_bytes() == straight.read_bytes()
 
@@ -285,6 +285,8 @@ def test_a_pass_that_is_cut_off_is_named(scene: Path, tmp_path: Path) -> None:
     linpred.mitsuba.render(scene, clean, spp=8, keep=True)
     broken = linpred.mitsuba.passes_of(clean) / "pass-001.exr"
     broken.write_bytes(broken.read_bytes()[:2000])
+    # what was merged of it before it was cut off
+    (linpred.mitsuba.passes_of(clean) / "all-002.exr").unlink()
     with pytest.raises((linpred.InputError, OSError), match="pass-001"):
         linpred.mitsuba.render(scene, clean, spp=12)
 

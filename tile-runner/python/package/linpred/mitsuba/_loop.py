@@ -29,9 +29,6 @@ SHARE_OF_PICTURES = 1 / 20
 LEAST = 0.5
 """No pass for less than this many samples per pixel."""
 
-MERGED = "all.exr"
-
-
 @dataclass(frozen=True)
 class Pass:
     """Where a loop is after a pass.
@@ -110,7 +107,7 @@ class Loop:
             self._render(_passes.counts(self.view, str(self.folder.path / _map(where.number))), found["added"])
 
     def _finish(self) -> None:
-        merged = self.folder.path / MERGED
+        merged = self._merged(len(self._passes()))
         self._denoise(self.options.quality)
         if self.options.noisy is not None:
             part = self.options.noisy.with_name(f"{self.options.noisy.name}.part")
@@ -159,8 +156,7 @@ class Loop:
         if known is not None and (known["step"], known["target"]) == (step, target):
             return known
         began = time.monotonic()
-        merged = self.folder.path / MERGED
-        linpred.merge([self.folder.path / _pass(number) for number in range(len(passes))], merged, max_memory=self.options.max_memory)
+        merged = self._merged(len(passes))
 
         def make(part: Path) -> dict[str, Any]:
             # what one more sample would bring is asked for even at the end: it tells the error
@@ -172,6 +168,23 @@ class Loop:
             return {**found, "step": step, "target": target, "seconds": time.monotonic() - began}
 
         return self.folder.add(_map(len(passes)), make, self._spent)
+
+    def _merged(self, passes: int) -> Path:
+        """The file of so many passes, made of the one before and the last pass, so that no pass is read twice."""
+        if passes == 1:
+            return self.folder.path / _pass(0)
+        name, last = _all(passes), self.folder.path / _pass(passes - 1)
+        if self.folder.of(name) is None:
+            before = self._merged(passes - 1)
+
+            def make(part: Path) -> dict[str, Any]:
+                linpred.merge([before, last], part, max_memory=self.options.max_memory)
+                return {}
+
+            self.folder.add(name, make, self._spent)
+            if passes > 2:
+                before.unlink()
+        return self.folder.path / name
 
     def _map(self, merged: Path, to: Path, budget: float, target: float | None) -> linpred.SampleReport:
         options = self.options
@@ -215,7 +228,7 @@ class Loop:
     def _denoise(self, quality: str) -> None:
         began = time.monotonic()
         options = self.options
-        linpred.denoise_file(self.folder.path / MERGED, options.output, quality=quality, threads=options.threads, max_memory=options.max_memory)
+        linpred.denoise_file(self._merged(len(self._passes())), options.output, quality=quality, threads=options.threads, max_memory=options.max_memory)
         self._picture_cost = time.monotonic() - began
         self._pictures += self._picture_cost
 
@@ -242,6 +255,11 @@ def next_total(samples: float) -> float:
 
 def _pass(number: int) -> str:
     return f"pass-{number:03}.exr"
+
+
+def _all(passes: int) -> str:
+    """Of so many passes."""
+    return f"all-{passes:03}.exr"
 
 
 def _map(number: int) -> str:
