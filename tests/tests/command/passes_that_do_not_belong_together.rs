@@ -33,11 +33,18 @@ impl Place {
     /// Merges the good passes with others.
     fn merge(&self, others: &[&Path], options: &[&str]) -> Ran {
         let passes = self.passes.iter().map(PathBuf::as_path);
-        self.merge_only(&passes.chain(others.iter().copied()).collect::<Vec<_>>(), options)
+        self.merge_only(
+            &passes.chain(others.iter().copied()).collect::<Vec<_>>(),
+            options,
+        )
     }
 
     fn merge_only(&self, passes: &[&Path], options: &[&str]) -> Ran {
-        let mut arguments = vec!["merge".into(), "-o".into(), self.path("all.exr").into_os_string()];
+        let mut arguments = vec![
+            "merge".into(),
+            "-o".into(),
+            self.path("all.exr").into_os_string(),
+        ];
         arguments.extend(passes.iter().map(|path| path.as_os_str().to_owned()));
         arguments.extend(options.iter().map(Into::into));
         linpred(arguments)
@@ -71,7 +78,12 @@ fn passes_that_belong_together_are_merged_and_denoised() {
     write(&place.path("other.exr"), PICTURE.size, vec![third(PICTURE)]);
     let ran = place.merge(&[&place.path("other.exr")], &["--log-format", "json"]);
     let ran = ran.succeeds();
-    ran.complains_about(&["\"merged\"", "\"passes\":3", "\"samples\":15.0", "\"lost\":0"]);
+    ran.complains_about(&[
+        "\"merged\"",
+        "\"passes\":3",
+        "\"samples\":15.0",
+        "\"lost\":0",
+    ]);
     denoise_file(&place.path("all.exr"), &place.path("clean.exr"), &[]).succeeds();
     let clean = place.path("clean.exr");
     place
@@ -103,9 +115,14 @@ fn a_pass_of_another_size_or_with_other_channels() {
         size: (41, 48),
         scene: 1,
     };
-    place.refuses(third(wider), wider.size, &["41 x 48 pixels at (3, -5)", "40 x 48"]);
+    place.refuses(
+        third(wider),
+        wider.size,
+        &["41 x 48 pixels at (3, -5)", "40 x 48"],
+    );
     let mut more = third(PICTURE);
-    more.channels.push(constant("diffuse.R", PICTURE.pixels(), 1.0));
+    more.channels
+        .push(constant("diffuse.R", PICTURE.pixels(), 1.0));
     let words = ["has no channel \"diffuse.R\", which"];
     place.refuses(more, PICTURE.size, &words);
     let mut fewer = third(PICTURE);
@@ -116,11 +133,27 @@ fn a_pass_of_another_size_or_with_other_channels() {
 #[test]
 fn a_pass_that_holds_something_else_in_a_channel() {
     let place = Place::new();
-    let mut other = third(PICTURE);
-    let integers = FlatSamples::U32(vec![1; PICTURE.pixels()]);
-    let depth = other.channels.iter_mut().find(|(name, _)| name == "Z");
-    depth.unwrap().1 = integers;
-    place.refuses(other, PICTURE.size, &["channel \"Z\"", "holds", "integers", "a mean"]);
+    let (a, b) = (place.path("a.exr"), place.path("b.exr"));
+    let mask = [
+        FlatSamples::F32(vec![1.0; PICTURE.pixels()]),
+        FlatSamples::U32(vec![1; PICTURE.pixels()]),
+    ];
+    for (n, (path, mask)) in [&a, &b].into_iter().zip(mask).enumerate() {
+        let mut pass = PICTURE.part(|_| (4 * n..4 * n + 4).collect());
+        pass.channels.push(("mask".into(), mask));
+        write(path, PICTURE.size, vec![pass]);
+    }
+    let words = [
+        "channel \"mask\"",
+        "a.exr",
+        "b.exr",
+        "holds",
+        "integers",
+        "a mean",
+    ];
+    let ran = place.merge_only(&[&a, &b], &[]).exits_with(3);
+    ran.complains_about(&words);
+    place.has_no_output();
 }
 
 #[test]
@@ -130,7 +163,10 @@ fn a_pass_of_another_scene() {
         scene: 2,
         ..PICTURE
     };
-    let words = ["is not of one picture with the other passes", "by albedo or normal they differ at"];
+    let words = [
+        "is not of one picture with the other passes",
+        "by albedo or normal they differ at",
+    ];
     place.refuses(third(other), PICTURE.size, &words);
 }
 
@@ -236,7 +272,10 @@ fn a_merge_uses_no_more_memory_than_planned() {
             return;
         };
         println!("{compression}: {peak} of {planned}");
-        assert!(peak <= planned && planned <= 2 * peak, "{compression}: {peak} of {planned}");
+        assert!(
+            peak <= planned && planned <= 2 * peak,
+            "{compression}: {peak} of {planned}"
+        );
         let limit = (planned - (1 << 20)).to_string();
         let tight = place.merge_only(&paths, &["--spp", "2", "--max-memory", &limit]);
         tight.exits_with(4).complains_about(&["--max-memory is"]);

@@ -471,7 +471,9 @@ fn real_pass(half: &str, mirrored: bool) -> Vec<TestPart> {
     let channel = |name: &str, from: &str| {
         let kept = bits(&read(&data), 0, from).into_iter();
         let mut values: Vec<f32> = match from.starts_with("half") || from.starts_with("alb") {
-            true => kept.map(|bits| f16::from_bits(bits as u16).to_f32()).collect(),
+            true => kept
+                .map(|bits| f16::from_bits(bits as u16).to_f32())
+                .collect(),
             false => kept.map(f32::from_bits).collect(),
         };
         if mirrored {
@@ -501,7 +503,10 @@ fn passes_of_a_real_render_are_of_one_picture_and_its_mirror_image_is_not() {
     let merging = Merging::open(&request).unwrap();
     let refused = merging.write(&path("odd.exr"), &AtomicBool::new(false), &mut |_| {});
     let message = refused.unwrap_err().to_string();
-    assert!(message.contains("are not passes of one picture: by albedo or normal"), "{message}");
+    assert!(
+        message.contains("are not passes of one picture: by albedo or normal"),
+        "{message}"
+    );
     assert!(!path("odd.exr").exists());
 }
 
