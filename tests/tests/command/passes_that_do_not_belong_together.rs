@@ -133,15 +133,27 @@ fn a_pass_of_another_size_or_with_other_channels() {
 #[test]
 fn a_pass_that_holds_something_else_in_a_channel() {
     let place = Place::new();
-    let mut other = third(PICTURE);
-    let integers = FlatSamples::U32(vec![1; PICTURE.pixels()]);
-    let depth = other.channels.iter_mut().find(|(name, _)| name == "Z");
-    depth.unwrap().1 = integers;
-    place.refuses(
-        other,
-        PICTURE.size,
-        &["channel \"Z\"", "holds", "integers", "a mean"],
-    );
+    let (a, b) = (place.path("a.exr"), place.path("b.exr"));
+    let mask = [
+        FlatSamples::F32(vec![1.0; PICTURE.pixels()]),
+        FlatSamples::U32(vec![1; PICTURE.pixels()]),
+    ];
+    for (n, (path, mask)) in [&a, &b].into_iter().zip(mask).enumerate() {
+        let mut pass = PICTURE.part(|_| (4 * n..4 * n + 4).collect());
+        pass.channels.push(("mask".into(), mask));
+        write(path, PICTURE.size, vec![pass]);
+    }
+    let words = [
+        "channel \"mask\"",
+        "a.exr",
+        "b.exr",
+        "holds",
+        "integers",
+        "a mean",
+    ];
+    let ran = place.merge_only(&[&a, &b], &[]).exits_with(3);
+    ran.complains_about(&words);
+    place.has_no_output();
 }
 
 #[test]

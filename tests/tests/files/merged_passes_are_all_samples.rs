@@ -223,6 +223,24 @@ fn second_moments_are_averaged() {
     assert_eq!(values(&output, "sampleCount"), vec![16.0; PICTURE.pixels()]);
 }
 
+/// Embarrassingly, an early version wrote a second channel of that name, which no reader takes.
+#[test]
+fn a_number_of_samples_that_is_asked_for_takes_the_place_of_the_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let passes = PICTURE.write_passes(folder.path(), &[3, 4]);
+    let roles = RoleRequest {
+        spp: Some(5),
+        ..RoleRequest::default()
+    };
+    let output = folder.path().join("all.exr");
+    merge_with(roles, &[&passes[0], &passes[1]], &output);
+    assert_eq!(values(&output, "sampleCount"), vec![10.0; PICTURE.pixels()]);
+    assert_eq!(
+        channel_names(&read(&output), 0),
+        channel_names(&read(&passes[0]), 0)
+    );
+}
+
 /// A channel with another value in one pixel.
 fn spoil(channels: &mut [NamedSamples], name: &str, pixel: usize, value: f32) {
     let channel = channels.iter_mut().find(|(own, _)| own == name);

@@ -9,7 +9,7 @@ use linpred_core::Params;
 use crate::channels::names::ChannelRef;
 use crate::error::Error;
 use crate::exr_file::Part;
-use crate::exr_file::compression::{chunks_while_coding, coded_at_once};
+use crate::exr_file::compression::{CODEC_AT_REST, chunks_while_coding, coded_at_once};
 use crate::image::rewrite::{Fill, Rewrite};
 use crate::job::input::{Input, rewrite};
 use crate::job::memory::MemoryPlan;
@@ -220,6 +220,8 @@ pub(super) fn merge_plan(
             }
         }
     }
+    let at_rest = CODEC_AT_REST.saturating_mul(inputs.len() as u64);
+    plan.add("open files", at_rest);
     // one codec decodes them in turn
     if let Some(largest) = coded.iter().max_by_key(|part| coding_bytes(part)) {
         let what = format!("decoding {}", describe(largest));

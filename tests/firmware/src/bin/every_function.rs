@@ -12,10 +12,10 @@ use core::hint::black_box;
 use cortex_m_rt::entry;
 use linpred_core::{
     ColourBlock, ComparedRow, FIREFLY_ROWS, FeatureGroup, FilteredGroup, FinishedPlane, Gram,
-    LitRow, NoiseBlock, NoisyBlock, NormalEquations, Precisions, Prior, Rls, SMOOTHINGS, SpeckRow,
-    Surroundings, SymmetricEigen, WeightBlock, compare_light, despeckle, estimate_colour_noise,
-    estimate_feature_noise, find_factors, find_fireflies, level_of, prefilter, smooth,
-    weigh_pixels, weigh_samples,
+    LitRow, NoiseBlock, NoisyBlock, NormalEquations, Precisions, Prior, Rls, SMOOTHINGS, Sampler,
+    SpeckRow, Surroundings, SymmetricEigen, WeightBlock, compare_light, despeckle,
+    estimate_colour_noise, estimate_feature_noise, find_factors, find_fireflies, level_of,
+    pixel_hash, prefilter, smooth, weigh_pixels, weigh_samples,
 };
 
 fn recursion<const T: usize>() {
@@ -130,6 +130,15 @@ fn finished(plane: &[f32], outputs: &mut [&mut [f32]; 5]) {
     black_box(level_of(black_box(1.0)));
 }
 
+fn sampling() {
+    let sampler = black_box(Sampler::default());
+    let error = sampler.relative_error(black_box(1.0), black_box([1.0; 3]));
+    let demand = sampler.demand(f64::from(black_box(error)), black_box(4.0));
+    black_box(sampler.missing(black_box(2.0), black_box(demand), black_box(4.0)));
+    black_box(sampler.expected_error(black_box(1.0), black_box(4.0), black_box(8.0)));
+    black_box(pixel_hash(black_box(1), black_box(2), black_box(3)));
+}
+
 #[entry]
 fn main() -> ! {
     // `entry` makes statics of a function that is called once references to them.
@@ -151,6 +160,7 @@ fn main() -> ! {
         filtered(SINGLE, FILTERED_SINGLE);
         estimates(NOISY, NOISE);
         fireflies(FIREFLIES);
+        sampling();
         recursion::<1>();
         recursion::<5>();
         recursion::<10>();

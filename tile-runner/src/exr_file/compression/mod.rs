@@ -34,7 +34,15 @@ impl SharedCodec {
         // its buffers are filled anew for every chunk, so a thread that died in one leaves nothing behind
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
+
+    /// Gives back its working memory, which the next chunk takes again.
+    pub(crate) fn rest(&self) {
+        *self.lock() = ChunkCodec::default();
+    }
 }
+
+/// Bytes of the tables of deflate and inflate that a codec has at rest: four windows of 64 KiB, and the same again for hashes and buffers.
+pub(crate) const CODEC_AT_REST: u64 = 512 << 10;
 
 /// Codes one chunk after another; keeps its buffers and deflate's tables between them.
 #[derive(Debug)]

@@ -154,11 +154,15 @@ impl Content {
 mod tests {
     use super::*;
 
-    /// White noise of deviation 1.
+    /// White noise of deviation 1: sums of twelve uniform numbers (Steele, Lea and Flood 2014, splitmix64).
     fn noise(seed: u64, count: usize) -> Vec<f64> {
-        let uniform =
-            |i: u64| (((i * 12 + 1) * (2 * seed + 3)) as f64 * 0.618_033_988_749_9).fract();
-        let sum = |i: u64| (0..12).map(|k| uniform(i * 12 + k * 7919)).sum::<f64>() - 6.0;
+        let uniform = |i: u64| {
+            let mut z = (i + 1 + seed * 1_000_000).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+            z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+            z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+            ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        let sum = |i: u64| (0..12).map(|k| uniform(i * 12 + k)).sum::<f64>() - 6.0;
         (0..count as u64).map(sum).collect()
     }
 

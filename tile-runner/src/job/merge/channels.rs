@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::channels::identifiers::{Cryptomattes, is_identifier, is_integer};
 use crate::channels::names::{ChannelNames, ChannelRef};
-use crate::channels::presets::MOMENT;
+use crate::channels::presets::{MOMENT, Role};
 use crate::channels::roles::is_noise;
 use crate::channels::samples::is_fraction;
 use crate::channels::variance::{Count, Meaning, Variance};
@@ -207,7 +207,10 @@ impl<'a> Reading<'a> {
                 add(&feature.channels, &feature.variance);
             }
         }
-        let samples = pictures.iter().filter_map(samples_at).collect();
+        let samples = pictures.iter();
+        let samples = samples
+            .flat_map(|picture| samples_at(picture, pictures.len()))
+            .collect();
         Self {
             pictures,
             cryptomattes: Cryptomattes::of(pictures[0].file()),
@@ -270,12 +273,15 @@ impl<'a> Reading<'a> {
     }
 }
 
-/// The channel that a picture's samples per pixel are read from.
-fn samples_at(picture: &Input) -> Option<ChannelRef> {
-    match picture.roles.samples.as_ref()?.count {
-        Count::Channel { at, .. } => Some(at),
-        Count::Fixed(_) => None,
-    }
+/// The channels that hold the samples per pixel of a picture, one of several, whether they are read or the request says otherwise; and one that is called as the output's.
+fn samples_at(picture: &Input, pictures: usize) -> Vec<ChannelRef> {
+    let assigned = picture.roles.assignment(Role::Samples);
+    let mut all = assigned.map_or_else(Vec::new, |found| found.channels.clone());
+    let ours = samples_channel(picture, 0, pictures);
+    let part = &picture.file().parts()[ours.at.part];
+    let channel = part.channel(&ours.name).filter(|_| ours.own_part.is_none());
+    all.extend(channel.map(|channel| ChannelRef { channel, ..ours.at }));
+    all
 }
 
 /// The samples per pixel that a picture states.

@@ -68,7 +68,7 @@ pub struct Merged {
     pub passes: usize,
     /// Pixels of the first picture.
     pub pixels: u64,
-    /// Samples per pixel of it: the mean, the fewest and the most.
+    /// Samples per pixel of it: the mean.
     pub samples: f64,
     /// The fewest.
     pub fewest: f64,

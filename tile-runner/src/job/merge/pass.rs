@@ -27,6 +27,8 @@ impl Pass {
     pub(super) fn open(request: &InputRequest) -> Result<Self, Error> {
         let pictures = Input::open_all(request)?;
         let file = pictures[0].file();
+        // it was looked at: from now on one codec decodes all passes in turn
+        file.codec().rest();
         let mut parts = file.parts().iter();
         if parts.any(|part| part.attributes.string(VERSION_ATTRIBUTE).is_some()) {
             return Err(Error::Invalid(format!(
