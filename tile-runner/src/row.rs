@@ -183,6 +183,24 @@ impl InputRow {
         &mut self.feature_variances[feature.range()]
     }
 
+    /// Makes what pixels without samples hold unknown, colour, noise and features, so that their neighbours predict them. Renderers leave such pixels black; one that is not has a colour, whatever its `samples` say.
+    pub(crate) fn forget_unsampled(&mut self, samples: &[f32]) {
+        for (x, &count) in samples.iter().enumerate() {
+            let empty = self
+                .colour
+                .iter()
+                .all(|plane| plane[x] == 0.0 || plane[x].is_nan());
+            if empty && (count == 0.0 || count.is_nan()) {
+                let planes = self.colour.iter_mut().chain(&mut self.variance);
+                let planes = planes.chain(&mut self.features);
+                // a feature that the image lacks has no columns
+                for value in planes.filter_map(|plane| plane.get_mut(x)) {
+                    *value = f32::NAN;
+                }
+            }
+        }
+    }
+
     /// Every plane; a feature that the image lacks has empty ones.
     pub(crate) fn planes(&self) -> impl Iterator<Item = &Vec<f32>> {
         let features = self.features.iter().chain(&self.feature_variances);

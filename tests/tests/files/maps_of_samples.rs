@@ -26,6 +26,18 @@ fn wall(samples: usize) -> TestPart {
     part
 }
 
+/// Makes everything 0 in these pixels.
+fn darken(picture: &mut TestPart, which: impl Fn(usize) -> bool) {
+    for (_, samples) in &mut picture.channels {
+        let FlatSamples::F32(samples) = samples else {
+            panic!("floats")
+        };
+        for (i, sample) in samples.iter_mut().enumerate() {
+            *sample *= f32::from(u8::from(!which(i)));
+        }
+    }
+}
+
 fn sample_map(folder: &Path, options: &[&str]) -> Ran {
     let (input, output) = (folder.join("in.exr"), folder.join("map.exr"));
     let files = [
@@ -164,20 +176,80 @@ fn what_was_not_rendered_gets_nothing_and_no_part_of_the_average() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let mut region = wall(4);
-    for (_, samples) in &mut region.channels {
-        let FlatSamples::F32(samples) = samples else {
-            panic!("floats")
-        };
-        for (i, sample) in samples.iter_mut().enumerate() {
-            *sample *= f32::from(u8::from(i % SIZE.0 >= 20));
-        }
-    }
+    darken(&mut region, |i| i % SIZE.0 < 20);
     write(&folder.join("in.exr"), SIZE, vec![region]);
     sample_map(folder, &["--budget", "6"]).succeeds();
     let samples = values(&folder.join("map.exr"), "samples");
     let left = (0..PIXELS).filter(|i| i % SIZE.0 < 20).map(|i| samples[i]);
     assert_eq!(left.sum::<f32>(), 0.0);
     assert_eq!(samples.iter().sum::<f32>(), 6.0 * (40 * SIZE.1) as f32);
+}
+
+#[test]
+fn what_has_samples_was_rendered_however_dark_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut dark = wall(4);
+    darken(&mut dark, |i| i % SIZE.0 < 20);
+    dark.channels.push(plane("sampleCount", SIZE, |_, _| 4.0));
+    write(&folder.join("in.exr"), SIZE, vec![dark]);
+    let ran = sample_map(folder, &["--budget", "6", "--json"]).succeeds();
+    assert_eq!(summary(&ran)["pixels"], PIXELS);
+    let samples = values(&folder.join("map.exr"), "samples");
+    assert_eq!(samples.iter().sum::<f32>(), 6.0 * PIXELS as f32);
+}
+
+#[test]
+fn pixels_without_samples_are_predicted_and_get_some() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let inside = |i: usize| (25..37).contains(&(i % SIZE.0)) && (15..27).contains(&(i / SIZE.0));
+    let mut hole = wall(4);
+    darken(&mut hole, inside);
+    let count = |x: usize, y: usize| if inside(y * SIZE.0 + x) { 0.0 } else { 4.0 };
+    hole.channels.push(plane("sampleCount", SIZE, count));
+    write(&folder.join("in.exr"), SIZE, vec![hole]);
+    sample_map(folder, &["--budget", "6"]).succeeds();
+    let mean = |of: &[f32], hole: bool| {
+        let own: Vec<f32> = (0..PIXELS)
+            .filter(|i| inside(*i) == hole)
+            .map(|i| of[i])
+            .collect();
+        own.iter().sum::<f32>() / own.len() as f32
+    };
+    let samples = values(&folder.join("map.exr"), "samples");
+    let (own, others) = (mean(&samples, true), mean(&samples, false));
+    assert!(own > others, "{own} {others}");
+    denoise(folder, "clean.exr", &["--quality", "fast"])
+        .succeeds()
+        .complains_about(&["144 not finite"]);
+    let green = values(&folder.join("clean.exr"), "G");
+    let (own, others) = (mean(&green, true), mean(&green, false));
+    assert!((own - others).abs() < 0.25, "{own} {others}");
+}
+
+#[test]
+fn a_variance_that_is_not_known_is_not_taken_for_no_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let error = |variance: f32, options: &[&str]| {
+        let mut picture = wall(1);
+        let channels = &mut picture.channels;
+        channels.retain(|(name, _)| !name.starts_with("variance"));
+        for name in ["variance.R", "variance.G", "variance.B"] {
+            channels.push(plane(name, SIZE, |_, _| variance));
+        }
+        write(&folder.join("in.exr"), SIZE, vec![picture]);
+        let options = [&["--budget", "1", "--json"], options].concat();
+        let ran = sample_map(folder, &options).succeeds();
+        summary(&ran)["error"].as_f64().unwrap()
+    };
+    let estimated = error(1.0, &["--map", "variance=none"]);
+    assert!(estimated > 0.01, "{estimated}");
+    for unknown in [f32::NAN, f32::INFINITY, -1.0, 0.0] {
+        let ratio = error(unknown, &[]) / estimated;
+        assert!((0.3..3.0).contains(&ratio), "{unknown}: {ratio}");
+    }
 }
 
 #[test]
@@ -204,6 +276,7 @@ fn what_makes_no_sense_gets_a_sentence_and_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     write(&folder.join("in.exr"), SIZE, vec![wall(4)]);
+    let map = folder.join("map.exr").display().to_string();
     for (options, code, words) in [
         (&[][..], 2, &["--budget", "--target-error"][..]),
         (&["--budget", "0"], 2, &["budget", "above 0"]),
@@ -220,6 +293,11 @@ fn what_makes_no_sense_gets_a_sentence_and_leaves_nothing() {
             &["--budget", "8", "--map", "samples=nothing"],
             2,
             &["nothing"],
+        ),
+        (
+            &["--budget", "8", "--picture", &map],
+            2,
+            &["cannot both be"],
         ),
     ] {
         sample_map(folder, options)

@@ -161,12 +161,15 @@ fn shares(size: (usize, usize), planes: &[Vec<f64>; 3], budget: f64) -> Vec<f64>
     };
     let [claimed, seen, samples] = planes;
     let (claimed, seen) = (cut(claimed), cut(seen));
+    let some = samples.iter().filter(|n| **n > 0.0).count() as f64;
+    let usual = samples.iter().sum::<f64>() / some;
     let demand = |x: usize, y: usize| {
         let near = around(x, y, 2);
         let mean = |of: &[f64]| near.iter().map(|i| of[*i]).sum::<f64>() / near.len() as f64;
         let noisy = around(x, y, 1).iter().any(|i| claimed[*i] > 0.0);
         let error = (mean(&claimed) * mean(&seen)).sqrt();
-        noisy.then(|| sampler.demand(error, samples[y * width + x]))
+        let own = samples[y * width + x];
+        noisy.then(|| sampler.demand(error, if own > 0.0 { own } else { usual }))
     };
     let demands: Vec<Option<f64>> = (0..height)
         .flat_map(|y| (0..width).map(move |x| (x, y)))

@@ -310,7 +310,8 @@ pub(crate) enum StitchProgress {
     group = ArgGroup::new("goal").required(true).multiple(true).args(["budget", "target_error"]),
     after_help = "\
 The map has the window of the picture and one channel, samples: whole numbers as floats. They sum up to the budget exactly, and are the same on any
-number of threads. The image must say how many samples its pixels have (a channel, an attribute, or --spp); with variances the map is better.
+number of threads. Averages are over what was rendered: rows and columns along the edges that are black in every channel take no part, unless a channel
+says that they have samples. The image must say how many samples its pixels have (a channel, an attribute, or --spp); with variances the map is better.
 
 An error is relative here: the estimated squared error of a denoised pixel over the mean square of its colour and 0.003, averaged over 5 x 5 pixels; the
 predicted error of the image is the mean of that, and comparable with the rMSE of 'linpred compare'.

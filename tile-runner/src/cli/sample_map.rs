@@ -28,7 +28,13 @@ pub(crate) fn run(arguments: SampleMapArguments) -> Result<u8, Error> {
     let request = request(arguments.input).with_memory_limit(arguments.max_memory);
     let input = open(&request)?;
     if let Some(picture) = &arguments.picture {
-        check_output(picture, &[&request.path, &arguments.output])?;
+        if *picture == arguments.output {
+            return Err(Error::Usage(format!(
+                "the map and its picture cannot both be {}",
+                picture.display()
+            )));
+        }
+        check_output(picture, &[&request.path])?;
     }
     if arguments.dry_run {
         let (schedule, plan) = job::plan_map(&input, &options)?;

@@ -45,7 +45,7 @@ pub struct ExrSource {
     alpha: Option<Channels>,
     /// Of each layer that is no light.
     scalars: Vec<Channels>,
-    /// Samples of each pixel, if they are wanted.
+    /// Samples of each pixel, if a channel has them or they are wanted.
     samples: Option<Count>,
     layers_off: u64,
 }
@@ -106,22 +106,20 @@ impl ExrSource {
         for at in source.channels() {
             source.planes.open(files, at, limit)?;
         }
+        if let Some(samples) = &roles.samples
+            && let Count::Channel { at, .. } = samples.count
+        {
+            source.planes.open(files, at, limit)?;
+            source.samples = Some(samples.count);
+        }
         Ok(source)
     }
 
-    /// Reads how many samples each pixel has, too. Errors as for [`new`](Self::new).
-    pub(crate) fn with_samples(
-        mut self,
-        files: &[Arc<ExrFile>],
-        count: Count,
-        limit: u64,
-    ) -> Result<Self, Error> {
-        if let Count::Channel { at, .. } = count {
-            self.planes.open(files, at, limit)?;
-        }
+    /// Tells how many samples each pixel has, too: `count`, which is that of the roles.
+    pub(crate) fn with_samples(mut self, count: Count) -> Self {
         self.layout.samples = true;
         self.samples = Some(count);
-        Ok(self)
+        self
     }
 
     /// Pixels read so far whose layers do not sum to the colour, to the precision of half floats. 0 without layers.
@@ -193,7 +191,10 @@ impl RowSource for ExrSource {
         }
         if self.samples.is_some() {
             planes.counts(self.samples, y)?;
-            row.samples.copy_from_slice(&planes.count);
+            row.forget_unsampled(&planes.count);
+            if self.layout.samples {
+                row.samples.copy_from_slice(&planes.count);
+            }
         }
         if !self.layers.is_empty() {
             self.layers_off += count_off(row);

@@ -101,8 +101,7 @@ fn measure(
         });
     };
     let limit = options.memory_limit;
-    let source = picture.source(limit)?;
-    let mut source = source.with_samples(picture.names.files(), samples.count, limit)?;
+    let mut source = picture.source(limit)?.with_samples(samples.count);
     let mut before = 0;
     let mut denoise = |source: &mut dyn RowSource, sink: &mut dyn RowSink| {
         let own = source.layout();

@@ -61,25 +61,31 @@ impl Demands {
             error: 0.0,
         };
         let ceilings = ceilings(size, measured)?;
+        let usual = usual_samples(size, measured)?;
         let mut around = Around::new(size, measured, ceilings);
         for y in 0..size.height() {
             around.move_to(y)?;
-            demands.add_row(&around)?;
+            demands.add_row(&around, usual)?;
         }
         demands.error /= size.pixels() as f64;
         Ok(demands)
     }
 
-    fn add_row(&mut self, around: &Around) -> Result<(), Error> {
+    /// Adds the row in the middle. A pixel without samples demands what it would with `usual` ones: its error is that of a guess, which says nothing of how it falls.
+    fn add_row(&mut self, around: &Around, usual: f64) -> Result<(), Error> {
         let width = self.size.width();
         let (errors, rest) = self.row.split_at_mut(width);
         let (demands, samples) = rest.split_at_mut(width);
         for x in 0..width {
             let (error, noisy) = around.smoothed(x);
             samples[x] = around.samples(x);
+            let own = match f64::from(samples[x]) {
+                0.0 => usual,
+                own => own,
+            };
             errors[x] = error as f32;
             demands[x] = match noisy {
-                true => self.sampler.demand(error, f64::from(samples[x])) as f32,
+                true => self.sampler.demand(error, own) as f32,
                 false => QUIET,
             };
             self.noisy += u64::from(noisy);
@@ -123,6 +129,20 @@ impl Demands {
 
 /// Stands for the demand of a pixel around which nothing is noisy.
 const QUIET: f32 = -1.0;
+
+/// The mean of the samples of those pixels that have some; 0 if none has.
+fn usual_samples(size: ImageSize, measured: &mut RowFile) -> Result<f64, Error> {
+    let mut row = vec![0.0_f32; PLANES * size.width()];
+    let (mut sum, mut pixels) = (0.0, 0_u64);
+    for y in 0..size.height() {
+        measured.read(y, &mut row)?;
+        for &samples in &row[2 * size.width()..] {
+            sum += f64::from(samples);
+            pixels += u64::from(samples > 0.0);
+        }
+    }
+    Ok(sum / pixels.max(1) as f64)
+}
 
 /// What the claimed and the seen errors are cut at.
 fn ceilings(size: ImageSize, measured: &mut RowFile) -> Result<[f32; 2], Error> {

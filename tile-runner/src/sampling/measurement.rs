@@ -32,7 +32,7 @@ pub struct MeasuredRow<'a> {
     pub colour: [&'a [f32]; 3],
     /// Estimated mean squared error of it, mean over the channels, radiance squared. Pixels of 0, none of whose 8 neighbours has more, are exact, and get nothing.
     pub error: &'a [f32],
-    /// The radiance denoised otherwise: of half the samples, or from noisier pixels. `None` if there is none; then the error stands alone.
+    /// The radiance denoised otherwise: of half the samples, or from noisier pixels. Where there is none, or a NaN, the error stands alone.
     pub second: Option<[&'a [f32]; 3]>,
     /// Samples that each pixel has; what is no number counts as 0.
     pub samples: &'a [f32],
@@ -55,8 +55,8 @@ pub struct Measurement {
 /// Planes of a row that is put aside: the error that was claimed, the one that was seen, and the samples.
 pub(super) const PLANES: usize = 3;
 
-/// Planes of a row that the first run leaves: the denoised colour with its error, and the samples.
-const FIRST: [usize; 2] = [4, 1];
+/// Planes of a row that the first run leaves: the denoised colour with its error, and the samples with what is known of their noise.
+const FIRST: [usize; 2] = [4, 2];
 
 impl Measurement {
     /// For a renderer that has its denoised pixels at hand: nothing yet of an image of this size.
@@ -77,7 +77,7 @@ impl Measurement {
     /// Bytes of memory that measuring an image and planning a map takes, beside denoising it.
     pub(crate) fn bytes(size: ImageSize) -> u64 {
         // rows as they are put aside, around one that is smoothed, and of demands and maps
-        let rows = plane_bytes(size, 1, 6 * PLANES + 3 * PLANES + 5 + 2);
+        let rows = plane_bytes(size, 1, 6 * PLANES + 3 * PLANES + 6 + 6);
         rows.saturating_add(quantile::bytes(1))
     }
 
@@ -99,7 +99,7 @@ impl Measurement {
                     .relative_error((red + green + blue) / 3.0, colour)
             });
             self.claimed[x] = usable(claimed);
-            self.seen[x] = usable(seen.unwrap_or(claimed));
+            self.seen[x] = usable(seen.filter(|seen| !seen.is_nan()).unwrap_or(claimed));
             self.samples[x] = usable(row.samples[x]).round();
         }
         let planes = [&self.claimed[..], &self.seen, &self.samples];
@@ -198,9 +198,11 @@ pub(crate) fn measure_by(
         ));
     }
     let mut once = Once::new(&layout, scratch);
+    let mut source = Sampled(source);
     let mut counted = Counted {
-        source: &mut *source,
-        rows: &mut once.samples,
+        source: &mut source,
+        rows: &mut once.known,
+        unknown: vec![0.0; layout.size.width()],
     };
     denoise(&mut counted, &mut Kept(&mut once.denoised))?;
     let mut measurement = Measurement::new(layout.size, scratch.clone());
@@ -221,10 +223,12 @@ pub(crate) fn measure_by(
 struct Once {
     size: ImageSize,
     denoised: RowFile,
-    samples: RowFile,
+    known: RowFile,
     /// A row of each.
     row: Vec<f32>,
-    counts: Vec<f32>,
+    known_row: Vec<f32>,
+    /// A row of what was seen the second time, where that says something.
+    seen: [Vec<f32>; 3],
 }
 
 impl Once {
@@ -233,9 +237,10 @@ impl Once {
         Self {
             size: layout.size,
             denoised: RowFile::new(scratch, width, FIRST[0]),
-            samples: RowFile::new(scratch, width, FIRST[1]),
+            known: RowFile::new(scratch, width, FIRST[1]),
             row: vec![0.0; FIRST[0] * width],
-            counts: vec![0.0; width],
+            known_row: vec![0.0; FIRST[1] * width],
+            seen: std::array::from_fn(|_| vec![0.0; width]),
         }
     }
 
@@ -246,14 +251,26 @@ impl Once {
         y: usize,
         second: Option<[&[f32]; 3]>,
     ) -> Result<(), Error> {
+        let width = self.size.width();
         self.denoised.read(y, &mut self.row)?;
-        self.samples.read(y, &mut self.counts)?;
-        let plane = |k: usize| &self.row[k * self.counts.len()..(k + 1) * self.counts.len()];
+        self.known.read(y, &mut self.known_row)?;
+        let (samples, unknown) = self.known_row.split_at(width);
+        if let Some(second) = second {
+            for (seen, plane) in self.seen.iter_mut().zip(second) {
+                let values = plane.iter().zip(unknown);
+                let values = values.map(|(value, unknown)| value + unknown);
+                seen.iter_mut()
+                    .zip(values)
+                    .for_each(|(own, value)| *own = value);
+            }
+        }
+        let plane = |k: usize| &self.row[k * width..(k + 1) * width];
+        let [red, green, blue] = &self.seen;
         measurement.push(&MeasuredRow {
             colour: [plane(0), plane(1), plane(2)],
             error: plane(3),
-            second,
-            samples: &self.counts,
+            second: second.map(|_| [&red[..], green, blue]),
+            samples,
         })
     }
 
@@ -263,10 +280,28 @@ impl Once {
     }
 }
 
-/// A source whose counts are put aside as they pass.
+/// A source that says of pixels without samples that nothing is known of them.
+struct Sampled<'a>(&'a mut dyn RowSource);
+
+impl RowSource for Sampled<'_> {
+    fn layout(&self) -> RowLayout {
+        self.0.layout()
+    }
+
+    fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), Error> {
+        self.0.read_row(y, row)?;
+        let samples = std::mem::take(&mut row.samples);
+        row.forget_unsampled(&samples);
+        row.samples = samples;
+        Ok(())
+    }
+}
+
+/// A source that puts aside, as they pass, how many samples pixels have, and which of them will not be seen otherwise: NaN where no variance is known, else 0.
 struct Counted<'a> {
     source: &'a mut dyn RowSource,
     rows: &'a mut RowFile,
+    unknown: Vec<f32>,
 }
 
 impl RowSource for Counted<'_> {
@@ -276,7 +311,15 @@ impl RowSource for Counted<'_> {
 
     fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), Error> {
         self.source.read_row(y, row)?;
-        self.rows.push(&[&row.samples[..]])
+        let [red, green, blue] = &row.variance;
+        let variances = red.iter().zip(green).zip(blue);
+        for (unknown, ((red, green), blue)) in self.unknown.iter_mut().zip(variances) {
+            let known = [red, green, blue]
+                .iter()
+                .all(|variance| variance.is_finite());
+            *unknown = if known { 0.0 } else { f32::NAN };
+        }
+        self.rows.push(&[&row.samples[..], &self.unknown])
     }
 }
 

@@ -10,7 +10,7 @@ mod pixels;
 
 use std::ops::Range;
 
-use crate::channels::variance::Variance;
+use crate::channels::variance::{Count, Variance};
 use crate::error::{Error, Setting};
 use crate::image::area::Area;
 use crate::job::input::{Input, Wrap};
@@ -52,6 +52,12 @@ pub(super) fn look(input: &Input, wrap: Wrap, limit: u64) -> Result<Findings, Er
     plan.check(limit)?;
     memory::check_available(&plan, 1)?;
     let mut source = input.source(limit)?;
+    if let Some(samples) = &input.roles.samples
+        && let Count::Channel { .. } = samples.count
+    {
+        // what has samples was rendered, however dark it came out
+        source = source.with_samples(samples.count);
+    }
     let layout = source.layout();
     let mut row = InputRow::new(&layout);
     let stated = matches!(input.roles.variance, Variance::Given { .. });
