@@ -187,12 +187,12 @@ def test_a_loop_ends_with_its_samples_and_a_denoised_picture(scene: Path, tmp_pa
     assert not linpred.mitsuba.passes_of(clean).exists()
 
 
-def test_what_is_black_and_empty_counts_for_no_average(scene: Path, tmp_path: Path) -> None:
+def test_what_is_black_is_rendered_all_the_same(scene: Path, tmp_path: Path) -> None:
     # the sphere alone, in the middle of nothing
     scene.write_text("".join(line for line in SCENE.splitlines(keepends=True) if "rectangle" not in line))
     done = linpred.mitsuba.render(scene, tmp_path / "clean.exr", spp=12, noisy=tmp_path / "all.exr")
     assert (done.ended, done.passes) == ("spp", 3) and done.samples == pytest.approx(12)
-    assert read(tmp_path / "all.exr")["sampleCount"][0].max() == 4
+    assert read(tmp_path / "all.exr")["sampleCount"].mean() == pytest.approx(12)
 
 
 def test_a_picture_without_noise_is_not_rendered_on_and_on(scene: Path, tmp_path: Path) -> None:
@@ -375,6 +375,8 @@ def test_ctrl_c_ends_cleanly_and_says_how_to_go_on(scene: Path, tmp_path: Path, 
         (["--quality", "best"], 2, "best"),
         (["--variant", "scalar_rgb"], 2, "scalar_rgb"),
         (["--variant", "llvm_ad_spectral"], 2, "llvm_ad_spectral"),
+        (["--target-error", "inf"], 2, "target_error: inf"),
+        (["--noisy", "absent/all.exr"], 3, "no such folder for the noisy image"),
         (["--sensor", "3"], 3, "no sensor 3"),
     ],
 )
@@ -388,10 +390,12 @@ def test_what_makes_no_sense_is_refused_in_a_sentence(
 
 
 def test_a_scene_that_cannot_be_rendered_is_refused(mi: Any, scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    light, differentiated = tmp_path / "light.xml", tmp_path / "differentiated.xml"
+    light, differentiated, silent = (tmp_path / name for name in ("light.xml", "differentiated.xml", "silent.xml"))
+    silent.write_text("".join(line for line in SCENE.splitlines(keepends=True) if "integrator" not in line))
     light.write_text(SCENE.replace('integrator type="path"', 'integrator type="ptracer"'))
     differentiated.write_text(SCENE.replace('integrator type="path"', 'integrator type="prb"'))
     for path, sentence in (
+        (silent, "no integrator"),
         (light, "ParticleTracerIntegrator"),
         (differentiated, "PRBIntegrator"),
         (tmp_path / "none.xml", "none.xml: no such scene"),
@@ -401,6 +405,37 @@ def test_a_scene_that_cannot_be_rendered_is_refused(mi: Any, scene: Path, tmp_pa
         assert sentence in capsys.readouterr().err
     with pytest.raises(TypeError, match="neither a path nor a scene"):
         linpred.mitsuba.render(7, tmp_path / "clean.exr")
+
+
+def test_nothing_is_lost_that_the_loop_did_not_make(scene: Path, tmp_path: Path) -> None:
+    clean = tmp_path / "clean.exr"
+    folder = linpred.mitsuba.passes_of(clean)
+    folder.mkdir()
+    (folder / "precious.txt").write_text("mine")
+    for restart in (False, True):
+        with pytest.raises(linpred.InputError, match="no loop has made it"):
+            linpred.mitsuba.render(scene, clean, spp=4, restart=restart)
+    (folder / "precious.txt").rename(tmp_path / "precious.txt")
+    linpred.mitsuba.render(scene, clean, spp=4, keep=True)
+    (tmp_path / "precious.txt").rename(folder / "precious.txt")
+    linpred.mitsuba.render(scene, clean, spp=4, restart=True)
+    assert [file.name for file in folder.iterdir()] == ["precious.txt"]
+
+
+def test_no_file_is_written_over_another_of_the_loop(scene: Path, tmp_path: Path) -> None:
+    clean, before = tmp_path / "clean.exr", scene.read_bytes()
+    for output, noisy, words in ((scene, None, "is the scene"), (clean, scene, "is the scene"), (clean, clean, "is the output")):
+        with pytest.raises(ValueError, match=words):
+            linpred.mitsuba.render(scene, output, noisy=noisy, spp=4)
+    assert scene.read_bytes() == before and not clean.exists()
+
+
+def test_large_seeds_are_seeds_of_their_own(scene: Path, tmp_path: Path) -> None:
+    pictures = []
+    for seed in (2**31 - 1, 2**31, 2**32):
+        linpred.mitsuba.render(scene, tmp_path / "clean.exr", spp=4, seed=seed)
+        pictures.append((tmp_path / "clean.exr").read_bytes())
+    assert len(set(pictures)) == 3
 
 
 def test_another_filter_than_the_box_is_noted(mi: Any, scene: Path, tmp_path: Path) -> None:

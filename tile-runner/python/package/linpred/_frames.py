@@ -358,10 +358,10 @@ def planes_of(given: Mapping[str, Any], dimensions: int) -> list[Plane]:
 
 def samples_plane(samples: ArrayLike, size: tuple[int, ...]) -> Plane:
     """The samples of each pixel, or one number for all, of any type, as a plane."""
-    try:
-        array = np.asarray(samples, dtype=np.float32)
-    except (TypeError, ValueError) as error:
-        raise TypeError(f"samples: {error}") from None
+    array = np.asarray(samples)
+    if array.dtype.kind not in "uif":
+        raise TypeError(f"samples: dtype {array.dtype}, but they are numbers")
+    array = array.astype(np.float32)
     if array.ndim == 0:
         array = np.broadcast_to(array, size)
     return "samples", "", _array("samples", array, 1, 2, size)

@@ -31,14 +31,19 @@ def whole_or_none(name: str, value: object) -> int | None:
     return None if value is None else whole(name, value)
 
 
-def number_or_none(name: str, value: object) -> float | None:
-    """A number, if there is one."""
-    if value is None:
-        return None
+def number(name: str, value: object) -> float:
+    """A number; NumPy's, too."""
+    if isinstance(value, (str, bytes, bool)) or not hasattr(value, "__float__"):
+        raise _type(name, value, "a number")
     try:
-        return float(value)  # type: ignore[arg-type]
+        return float(value)
     except (TypeError, ValueError):
         raise _type(name, value, "a number") from None
+
+
+def number_or_none(name: str, value: object) -> float | None:
+    """The same, if there is one."""
+    return None if value is None else number(name, value)
 
 
 def text(name: str, value: object) -> str:

@@ -22,13 +22,14 @@ Dr.Jit finds another that fails, its path in ``DRJIT_LIBLLVM_PATH``).
 
 from __future__ import annotations
 
+import operator
 import os
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Any, Callable
 
 from linpred import _linpred
-from linpred._options import Path, computing, flag, path, reading, whole, writing
+from linpred._options import Path, computing, flag, number, path, reading, whole, writing
 from linpred.mitsuba import _loop, _scene
 from linpred.mitsuba._folder import Folder
 from linpred.mitsuba._loop import Pass
@@ -43,7 +44,7 @@ class Rendered:
     Attributes:
         output: The denoised file.
         passes: How many there were, those of runs before that were ended among them.
-        samples: Samples per pixel, on average; rows and columns along the edges that are black and empty do not count.
+        samples: Samples per pixel, on average.
         error: The predicted relative error of the denoised picture: mean over the pixels of estimated squared error over squared radiance + 0.003.
         ended: Why: ``"spp"``, ``"error"`` (below the target), ``"time"``, or ``"exact"`` (no pixel varies).
         left_out: Samples with a value that is not finite: they are in no mean.
@@ -115,6 +116,8 @@ def render(
         KeyboardInterrupt: Ctrl-C was pressed; the same call goes on from the last pass.
     """
     options = _options(output, spp, target_error, time, quality, seed, noisy, keep, threads, max_memory)
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress: {progress!r} cannot be called")
     return _render(scene, options, whole("sensor", sensor), variant, restart, _Calls(progress))
 
 
@@ -145,23 +148,32 @@ def _options(
     to = path("output", output)
     # what the last step would refuse
     _linpred.check(reading(to, "auto", None, None, None, (), "auto", max_memory), writing(to, False, False, None), computing(quality, None, "robust", threads))
+    if os.path.isdir(to):
+        raise IsADirectoryError(21, "the output is a folder", to)
     if not os.path.isdir(os.path.dirname(to) or "."):
         raise FileNotFoundError(2, "no such folder for the output", os.path.dirname(to))
     if whole("spp", spp) < 1:
         raise ValueError(f"spp: {spp} samples per pixel; it is 1 or more")
-    if whole("seed", seed) < 0:
+    # a number of any size: one that was cut off would draw another's samples
+    drawn = operator.index(seed)  # type: ignore[arg-type]
+    if drawn < 0:
         raise ValueError(f"seed: {seed}; it is 0 or more")
     for name, value in (("target_error", target_error), ("time", time)):
-        if value is not None and not value > 0:
+        if value is not None and not 0 < number(name, value) < float("inf"):
             raise ValueError(f"{name}: {value}; it is more than 0")
+    merged = None if noisy is None else FilePath(path("noisy", noisy))
+    if merged is not None and not merged.parent.is_dir():
+        raise FileNotFoundError(2, "no such folder for the noisy image", str(merged.parent))
+    if merged is not None and merged.resolve() == FilePath(to).resolve():
+        raise ValueError(f"noisy: {merged} is the output, too")
     return _loop.Options(
         FilePath(to),
         whole("spp", spp),
         target_error,
         time,
         str(quality),
-        whole("seed", seed),
-        None if noisy is None else FilePath(path("noisy", noisy)),
+        drawn,
+        merged,
         flag("keep", keep),
         None if threads is None else whole("threads", threads),
         max_memory,
@@ -169,6 +181,11 @@ def _options(
 
 
 def _render(scene: Any, options: _loop.Options, sensor: int, variant: str | None, restart: bool, watch: _loop.Watch) -> Rendered:
+    if isinstance(scene, (str, bytes, os.PathLike)):
+        given = FilePath(path("scene", scene)).resolve()
+        for name, written in (("output", options.output), ("noisy", options.noisy)):
+            if written is not None and written.resolve() == given:
+                raise ValueError(f"{name}: {written} is the scene")
     view = _scene.load(scene, variant, sensor)
     for sentence in view.notes:
         watch.note(sentence)

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
+import re
 from pathlib import Path
 from typing import Any, Callable, Mapping
 
 from linpred._errors import InputError
 
 JOURNAL = "loop.json"
+OWN = re.compile(r"(part-)?(pass-\d+|map-\d+|all(-\d+)?)\.exr(\.part)?|part-loop\.json")
+"""What a loop calls its files, whole or not, but for the journal."""
 FORMAT = 1
 """Of the journal; another is not read."""
 
@@ -24,11 +26,13 @@ class Folder:
 
     def __init__(self, path: Path, identity: Mapping[str, Any], restart: bool) -> None:
         self.path = path
-        if restart and path.is_dir():
-            shutil.rmtree(path)
+        journal = path / JOURNAL
+        if path.is_dir() and not journal.is_file() and any(path.iterdir()):
+            raise InputError(f"{path} is there, and no loop has made it: write to another output, or move it away")
+        if restart:
+            self.remove()
         path.mkdir(exist_ok=True)
         self._journal: dict[str, Any] = {"format": FORMAT, "identity": dict(identity), "spent": 0.0, "files": {}}
-        journal = path / JOURNAL
         if journal.is_file():
             self._journal = self._known(journal, identity)
         else:
@@ -78,8 +82,15 @@ class Folder:
         os.replace(part, self.path / JOURNAL)
 
     def remove(self) -> None:
-        """Removes all of it."""
-        shutil.rmtree(self.path)
+        """Removes what loops have made, the journal last; the folder, too, unless somebody has put other things into it."""
+        if not self.path.is_dir():
+            return
+        for file in self.path.iterdir():
+            if OWN.fullmatch(file.name):
+                file.unlink()
+        (self.path / JOURNAL).unlink(missing_ok=True)
+        if not any(self.path.iterdir()):
+            self.path.rmdir()
 
 
 def _short(value: object) -> str:

@@ -35,7 +35,7 @@ class Pass:
 
     Attributes:
         number: Of the pass, from 1.
-        samples: Samples per pixel so far, on average; rows and columns along the edges that are black and empty do not count.
+        samples: Samples per pixel so far, on average.
         most: The most that the next pass gives a pixel.
         error: The predicted relative error of the denoised picture now: mean over the pixels of estimated squared error over squared radiance + 0.003.
         rendering: Seconds of rendering so far.
@@ -134,9 +134,7 @@ class Loop:
         _passes.trace(self.view, one, self.options.seed, 0)
 
     def _render(self, counts: Any, asked: float) -> None:
-        """Renders the next pass: ``asked`` samples per pixel on average, as its map says. Averages are those of ``linpred.sample_map_file``,
-        which leaves out what is black and empty along the edges.
-        """
+        """Renders the next pass: ``asked`` samples per pixel on average, as its map says."""
         number = len(self._passes())
 
         def make(part: Path) -> dict[str, Any]:

@@ -110,6 +110,8 @@ def view(mi: Any, scene: Any, name: str, sensor: int) -> View:
     sensors, integrator = scene.sensors(), scene.integrator()
     if not 0 <= sensor < len(sensors):
         raise InputError(f"{name}: no sensor {sensor}; it has {len(sensors)}, counted from 0")
+    if integrator is None:
+        raise InputError(f"{name}: it says of no integrator how it is rendered; add <integrator type=\"path\"/>")
     if not isinstance(integrator, mi.SamplingIntegrator) or isinstance(integrator, mi.CppADIntegrator):
         raise InputError(f"{name}: its integrator, {_kind(integrator)}, does not follow rays from the camera on its own; use path, direct or volpath")
     camera = sensors[sensor]
