@@ -24,7 +24,8 @@ use crate::tile::CHANNELS;
 /// // of two grey pixels with the same squared error and 4 samples, the dark one shows it more
 /// let dark = sampler.relative_error(0.01, [0.1; 3]);
 /// let bright = sampler.relative_error(0.01, [1.0; 3]);
-/// let (dark, bright) = (sampler.demand(dark, 4.0), sampler.demand(bright, 4.0));
+/// let demand = |error: f32| sampler.demand(error.into(), 4.0);
+/// let (dark, bright) = (demand(dark), demand(bright));
 /// assert!(dark > bright);
 /// // totals in proportion to the demands: what is missing is given
 /// let level = 40.0;
