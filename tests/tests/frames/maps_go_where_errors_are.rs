@@ -126,6 +126,38 @@ fn where_nothing_is_noisy_nothing_is_given() {
     assert!(right.copied().min().unwrap() > 0);
 }
 
+/// None in a square of 12 x 12.
+fn with_a_hole(x: usize, y: usize) -> f32 {
+    let inside = (40..52).contains(&x) && (30..42).contains(&y);
+    if inside { 0.0 } else { 4.0 }
+}
+
+/// The mean of a map over the innermost 4 x 4 of them.
+fn mean_within(given: &[u32]) -> f64 {
+    let rows = (34..38).map(|y| &given[90 * y + 44..90 * y + 48]);
+    rows.flatten().copied().map(f64::from).sum::<f64>() / 16.0
+}
+
+#[test]
+fn pixels_without_samples_get_their_share() {
+    let mut frame = Scene::new(90, 70).render();
+    for (y, row) in frame.rows.iter_mut().enumerate() {
+        for x in (0..90).filter(|x| with_a_hole(*x, y) == 0.0) {
+            let planes = row.colour.iter_mut().chain(&mut row.variance);
+            let planes = planes.chain(&mut row.features);
+            planes
+                .chain(&mut row.feature_variances)
+                .for_each(|plane| plane[x] = 0.0);
+        }
+    }
+    let mut map = measured(&frame, with_a_hole, 1)
+        .plan(Goal::budget(8.0).unwrap())
+        .unwrap();
+    // 12 are there in all, on average
+    let hole = mean_within(&samples(&mut map));
+    assert!(hole > 6.0, "{hole}");
+}
+
 #[test]
 fn an_image_without_noise_gets_the_budget_evenly() {
     let mut frame = Scene::new(30, 20).render();
@@ -161,15 +193,21 @@ fn shares(size: (usize, usize), planes: &[Vec<f64>; 3], budget: f64) -> Vec<f64>
     };
     let [claimed, seen, samples] = planes;
     let (claimed, seen) = (cut(claimed), cut(seen));
-    let some = samples.iter().filter(|n| **n > 0.0).count() as f64;
-    let usual = samples.iter().sum::<f64>() / some;
+    let some: Vec<usize> = (0..samples.len()).filter(|i| samples[*i] > 0.0).collect();
+    let mean =
+        |of: &dyn Fn(usize) -> f64| some.iter().map(|i| of(*i)).sum::<f64>() / some.len() as f64;
+    let usual = mean(&|i| samples[i]);
+    let usual_error = mean(&|i| (claimed[i] * seen[i]).sqrt());
     let demand = |x: usize, y: usize| {
         let near = around(x, y, 2);
         let mean = |of: &[f64]| near.iter().map(|i| of[*i]).sum::<f64>() / near.len() as f64;
         let noisy = around(x, y, 1).iter().any(|i| claimed[*i] > 0.0);
         let error = (mean(&claimed) * mean(&seen)).sqrt();
         let own = samples[y * width + x];
-        noisy.then(|| sampler.demand(error, if own > 0.0 { own } else { usual }))
+        noisy.then(|| match own > 0.0 {
+            true => sampler.demand(error, own),
+            false => sampler.demand(error.max(usual_error), usual),
+        })
     };
     let demands: Vec<Option<f64>> = (0..height)
         .flat_map(|y| (0..width).map(move |x| (x, y)))

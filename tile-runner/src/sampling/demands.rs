@@ -61,7 +61,7 @@ impl Demands {
             error: 0.0,
         };
         let ceilings = ceilings(size, measured)?;
-        let usual = usual_samples(size, measured)?;
+        let usual = Usual::of(size, measured, ceilings)?;
         let mut around = Around::new(size, measured, ceilings);
         for y in 0..size.height() {
             around.move_to(y)?;
@@ -71,17 +71,17 @@ impl Demands {
         Ok(demands)
     }
 
-    /// Adds the row in the middle. A pixel without samples demands what it would with `usual` ones: its error is that of a guess, which says nothing of how it falls.
-    fn add_row(&mut self, around: &Around, usual: f64) -> Result<(), Error> {
+    /// Adds the row in the middle. A pixel without samples demands what it would with as many as are `usual`, and an error that is no smaller: what is claimed of a guess says little.
+    fn add_row(&mut self, around: &Around, usual: Usual) -> Result<(), Error> {
         let width = self.size.width();
         let (errors, rest) = self.row.split_at_mut(width);
         let (demands, samples) = rest.split_at_mut(width);
         for x in 0..width {
             let (error, noisy) = around.smoothed(x);
             samples[x] = around.samples(x);
-            let own = match f64::from(samples[x]) {
-                0.0 => usual,
-                own => own,
+            let (error, own) = match f64::from(samples[x]) {
+                0.0 => (error.max(usual.error), usual.samples),
+                own => (error, own),
             };
             errors[x] = error as f32;
             demands[x] = match noisy {
@@ -130,18 +130,34 @@ impl Demands {
 /// Stands for the demand of a pixel around which nothing is noisy.
 const QUIET: f32 = -1.0;
 
-/// The mean of the samples of those pixels that have some; 0 if none has.
-fn usual_samples(size: ImageSize, measured: &mut RowFile) -> Result<f64, Error> {
-    let mut row = vec![0.0_f32; PLANES * size.width()];
-    let (mut sum, mut pixels) = (0.0, 0_u64);
-    for y in 0..size.height() {
-        measured.read(y, &mut row)?;
-        for &samples in &row[2 * size.width()..] {
-            sum += f64::from(samples);
-            pixels += u64::from(samples > 0.0);
+/// What pixels have that have samples: means over them, 0 if there are none.
+#[derive(Clone, Copy, Debug)]
+struct Usual {
+    samples: f64,
+    error: f64,
+}
+
+impl Usual {
+    fn of(size: ImageSize, measured: &mut RowFile, ceilings: [f32; 2]) -> Result<Self, Error> {
+        let width = size.width();
+        let mut row = vec![0.0_f32; PLANES * width];
+        let (mut samples, mut error, mut pixels) = (0.0, 0.0, 0_u64);
+        for y in 0..size.height() {
+            measured.read(y, &mut row)?;
+            for x in (0..width).filter(|x| row[2 * width + x] > 0.0) {
+                let [claimed, seen] =
+                    [0, 1].map(|k| f64::from(row[k * width + x].min(ceilings[k])));
+                error += (claimed * seen).sqrt();
+                samples += f64::from(row[2 * width + x]);
+                pixels += 1;
+            }
         }
+        let pixels = pixels.max(1) as f64;
+        Ok(Self {
+            samples: samples / pixels,
+            error: error / pixels,
+        })
     }
-    Ok(sum / pixels.max(1) as f64)
 }
 
 /// What the claimed and the seen errors are cut at.
