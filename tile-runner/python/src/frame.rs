@@ -1,8 +1,5 @@
 //! Frames in memory.
 
-use std::ops::ControlFlow;
-use std::sync::atomic::Ordering;
-
 use linpred::image::Frame;
 use linpred::job::check_memory;
 use linpred::{Error, Feature, OutputRow, RowLayout, RowSource};
@@ -15,7 +12,7 @@ use crate::arrays::Array;
 use crate::errors::raise;
 use crate::options::Computing;
 use crate::report;
-use crate::watch::watched;
+use crate::watch::{go_on, watched};
 
 /// What an array is: its role, its name where there are several of that role, and its pixels.
 pub(crate) struct Plane<'py> {
@@ -188,13 +185,7 @@ pub(crate) fn denoise<'py>(
             output.push(row);
             Ok(())
         };
-        let mut go_on = |rows| {
-            tell(rows);
-            match stop.load(Ordering::Relaxed) {
-                true => ControlFlow::Break(()),
-                false => ControlFlow::Continue(()),
-            }
-        };
+        let mut go_on = go_on(stop, tell);
         let report = linpred::denoise(&mut frame, &mut keep, &options, &mut go_on)?;
         Ok((output, report))
     })?;

@@ -1,8 +1,6 @@
 //! Maps of samples.
 
-use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::sync::atomic::Ordering;
 
 use linpred::job::{self, JobOptions, check_memory_of_map};
 use linpred::sampling::{Goal, Scratch, Summary, measure, rows_to_measure};
@@ -15,7 +13,7 @@ use crate::errors::raise;
 use crate::files::Reading;
 use crate::frame::{frame, planes};
 use crate::options::Computing;
-use crate::watch::watched;
+use crate::watch::{go_on, watched};
 
 /// What a map is to reach: (budget, error).
 type Wanted = (Option<f64>, Option<f64>);
@@ -38,13 +36,7 @@ pub(crate) fn sample_map<'py>(
     let rows = rows_to_measure(&layout);
     let (map, summary) = watched(py, rows, progress.as_ref(), move |stop, tell| {
         check_memory_of_map(&layout, &options, &Scratch::Memory, u64::MAX)?;
-        let mut go_on = |rows| {
-            tell(rows);
-            match stop.load(Ordering::Relaxed) {
-                true => ControlFlow::Break(()),
-                false => ControlFlow::Continue(()),
-            }
-        };
+        let mut go_on = go_on(stop, tell);
         let mut measured = measure(&mut frame, &options, &Scratch::Memory, &mut go_on)?;
         let mut map = measured.plan(goal)?;
         let mut samples = Vec::new();

@@ -1,5 +1,6 @@
 //! Work without the interpreter that Python still watches over: Ctrl-C stops it, and progress is told.
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -16,6 +17,20 @@ const LOOK_EVERY: Duration = Duration::from_millis(50);
 
 /// Progress is told at most so many times, and at the end.
 const STEPS: usize = 100;
+
+/// Tells how many rows are done, and says whether to go on: the progress of what runs in the library.
+pub(crate) fn go_on<'a>(
+    stop: &'a AtomicBool,
+    tell: &'a mut (dyn FnMut(usize) + Send),
+) -> impl FnMut(usize) -> ControlFlow<()> + 'a {
+    move |rows| {
+        tell(rows);
+        match stop.load(Ordering::Relaxed) {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    }
+}
 
 /// Runs `work` on a thread of its own. It is given a flag that asks it to stop, and tells how many rows are done. Meanwhile this thread calls `progress` with (rows
 /// done, of all), for which the work waits, and lets Python handle its signals. What either raises stops the work, and is raised once it has ended.

@@ -22,7 +22,7 @@ use super::args::{
 use super::errors::DONE;
 use super::progress::{Place, Progress};
 use super::report::report;
-use super::{errors, openjd, progress, stdout, stop, threads};
+use super::{errors, log, openjd, progress, stdout, stop, threads};
 
 /// Denoises one image, or the frames of a sequence.
 pub(crate) fn run(arguments: DenoiseArguments, log: &LogArguments) -> Result<u8, Error> {
@@ -94,10 +94,9 @@ impl Run {
         }
         let mut said = self.said.borrow_mut();
         for remark in job::remarks(pictures, self.options.extra)? {
-            match remark {
-                Remark::Note(note) if said.insert(note.clone()) => tracing::info!("{note}"),
-                Remark::Warning(text) if said.insert(text.clone()) => tracing::warn!("{text}"),
-                _ => {}
+            let (Remark::Note(text) | Remark::Warning(text)) = &remark;
+            if said.insert(text.clone()) {
+                log::remark(&remark);
             }
         }
         Ok(())

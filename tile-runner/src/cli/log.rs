@@ -4,6 +4,8 @@ use std::io::IsTerminal;
 
 use tracing::level_filters::LevelFilter;
 
+use crate::job::Remark;
+
 use super::args::{LogArguments, LogFormat};
 
 /// Starts the log. Once per process.
@@ -24,5 +26,13 @@ pub(crate) fn start(arguments: &LogArguments) {
             .without_time()
             .with_ansi(std::io::stderr().is_terminal())
             .init(),
+    }
+}
+
+/// Says what a user should know before a job begins.
+pub(crate) fn remark(remark: &Remark) {
+    match remark {
+        Remark::Note(text) => tracing::info!("{text}"),
+        Remark::Warning(text) => tracing::warn!("{text}"),
     }
 }

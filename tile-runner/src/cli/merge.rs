@@ -5,12 +5,12 @@ use std::time::{Duration, Instant};
 
 use crate::Error;
 use crate::channels::{Preset, RoleRequest};
-use crate::job::{DEFAULT_MEMORY_LIMIT, MergeRequest, Merged, Merging, Remark};
+use crate::job::{DEFAULT_MEMORY_LIMIT, MergeRequest, Merged, Merging};
 
 use super::args::{LogFormat, MergeArguments};
 use super::errors::DONE;
 use super::progress::{Place, Progress};
-use super::{stdout, stop};
+use super::{log, stdout, stop};
 
 /// Merges the passes of an image.
 pub(crate) fn run(arguments: MergeArguments, format: LogFormat) -> Result<u8, Error> {
@@ -33,12 +33,7 @@ pub(crate) fn run(arguments: MergeArguments, format: LogFormat) -> Result<u8, Er
         stdout::print(&format!("memory:\n{plan}\n"))?;
         return plan.check(limit).map(|()| DONE);
     }
-    for remark in merging.remarks() {
-        match remark {
-            Remark::Note(note) => tracing::info!("{note}"),
-            Remark::Warning(warning) => tracing::warn!("{warning}"),
-        }
-    }
+    merging.remarks().iter().for_each(log::remark);
     let (rows, place) = (merging.height(), Place::ALONE);
     let mut progress = Progress::new(arguments.progress, rows, &output, place, started);
     let stop = stop::on_signals();

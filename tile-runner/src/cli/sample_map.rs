@@ -15,7 +15,7 @@ use super::errors::DONE;
 use super::heatmap::ramp;
 use super::png_rows::PngRows;
 use super::progress::{Place, Progress};
-use super::{stdout, stop, threads};
+use super::{log, stdout, stop, threads};
 
 /// The exit code where nothing is left to be rendered.
 const REACHED: u8 = 10;
@@ -41,7 +41,7 @@ pub(crate) fn run(arguments: SampleMapArguments) -> Result<u8, Error> {
         print_plan(std::slice::from_ref(&input), schedule, &plan)?;
         return plan.check(options.memory_limit).map(|()| DONE);
     }
-    announce(&input);
+    input.remarks().iter().for_each(log::remark);
     let (rows, style) = (rows_to_measure(&input), arguments.progress);
     let mut progress = Progress::new(style, rows, &request.path, Place::ALONE, started);
     let mut told = |rows| progress.set(rows);
@@ -59,17 +59,6 @@ pub(crate) fn run(arguments: SampleMapArguments) -> Result<u8, Error> {
     };
     stdout::print(&text)?;
     Ok(if summary.added == 0 { REACHED } else { DONE })
-}
-
-/// Says what a user should know of how the picture is read.
-fn announce(input: &Input) {
-    let roles = &input.roles;
-    for note in &roles.notes {
-        tracing::info!("{note}");
-    }
-    for warning in &roles.warnings {
-        tracing::warn!("{warning}");
-    }
 }
 
 fn options(arguments: &SampleMapArguments) -> JobOptions {

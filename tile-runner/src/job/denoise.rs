@@ -370,14 +370,10 @@ fn marks(pictures: &[Input], options: &JobOptions) -> Result<Vec<(&'static str, 
         channels.map(|at| picture.names.name(*at))
     });
     let noise: Vec<String> = noise.collect();
-    let mut input = Vec::new();
-    for file in first.names.files() {
-        input.push(format!("{:08x}", file.fingerprint()?));
-    }
     let mut marks = vec![
         (VERSION_ATTRIBUTE, env!("CARGO_PKG_VERSION").to_owned()),
         (OPTIONS_ATTRIBUTE, text),
-        (INPUT_ATTRIBUTE, input.join(" ")),
+        (INPUT_ATTRIBUTE, first.fingerprints()?),
     ];
     if !noise.is_empty() {
         marks.push((NOISE_ATTRIBUTE, noise.join(", ")));

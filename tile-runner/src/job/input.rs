@@ -258,6 +258,29 @@ impl Input {
         ExrSink::create(output, self.file().clone(), rewrite, &codec, limit, stop)
     }
 
+    /// How it is read, and what is odd about it; with its name, if it has one.
+    pub fn remarks(&self) -> Vec<Remark> {
+        let roles = &self.roles;
+        let label = match roles.label() {
+            label if label.is_empty() => label,
+            label => format!("{label}: "),
+        };
+        let notes = roles.notes.iter();
+        let notes = notes.map(|note| Remark::Note(format!("{label}{note}")));
+        let warnings = roles.warnings.iter();
+        let warnings = warnings.map(|warning| Remark::Warning(format!("{label}{warning}")));
+        notes.chain(warnings).collect()
+    }
+
+    /// What says in an output which files it was made of: their checksums.
+    pub(super) fn fingerprints(&self) -> Result<String, Error> {
+        let files = self.names.files().iter();
+        let all: Result<Vec<String>, Error> = files
+            .map(|file| Ok(format!("{:08x}", file.fingerprint()?)))
+            .collect();
+        Ok(all?.join(" "))
+    }
+
     /// Where its denoised channels go; it is one of `count` pictures.
     fn targets(&self, count: usize) -> Targets {
         let (light, plain): (Vec<&Layer>, Vec<&Layer>) =
@@ -310,20 +333,7 @@ pub enum Remark {
 /// All there is to say before the pictures of a file are denoised: of each how it is read and what is odd about it, with its name where there are several; then what the
 /// output loses, and why it is stored in another way than the input.
 pub fn remarks(pictures: &[Input], extra: ExtraLayers) -> Result<Vec<Remark>, Error> {
-    let mut remarks = Vec::new();
-    for Input { roles, .. } in pictures {
-        let label = match roles.label() {
-            label if label.is_empty() => label,
-            label => format!("{label}: "),
-        };
-        let notes = roles
-            .notes
-            .iter()
-            .map(|note| Remark::Note(format!("{label}{note}")));
-        remarks.extend(notes);
-        let warnings = roles.warnings.iter();
-        remarks.extend(warnings.map(|warning| Remark::Warning(format!("{label}{warning}"))));
-    }
+    let mut remarks: Vec<Remark> = pictures.iter().flat_map(Input::remarks).collect();
     let of_output = rewrite(pictures, extra, &[])?.notes;
     remarks.extend(of_output.into_iter().map(Remark::Warning));
     Ok(remarks)

@@ -148,10 +148,6 @@ fn write(
     map: &mut SampleMap,
 ) -> Result<(), Error> {
     let params = &options.pipeline.params;
-    let mut input = Vec::new();
-    for file in picture.names.files() {
-        input.push(format!("{:08x}", file.fingerprint()?));
-    }
     let made = format!(
         "{goal}; formulas {:?}; coverage {}; vary features {}",
         params.formulas, params.coverage, params.vary_features
@@ -159,7 +155,7 @@ fn write(
     let marks = [
         (VERSION_ATTRIBUTE, env!("CARGO_PKG_VERSION").to_owned()),
         (OPTIONS_ATTRIBUTE, made),
-        (INPUT_ATTRIBUTE, input.join(" ")),
+        (INPUT_ATTRIBUTE, picture.fingerprints()?),
     ];
     let mut image = NewImage::create(output, part(picture), &channels(), &marks)?;
     let area = picture.area;

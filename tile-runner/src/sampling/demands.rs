@@ -16,6 +16,11 @@ const CEILING: f64 = 0.99;
 /// Errors are averaged over the pixels that are so near, in rows and columns, as far as the image goes: the error of one pixel is known to within a factor of ten.
 const RADIUS: usize = 2;
 
+/// Planes of the rows that are held around one.
+pub(super) const fn around_planes() -> usize {
+    (2 * RADIUS + 1) * PLANES
+}
+
 /// What the pixels of an image demand.
 #[derive(Debug)]
 pub(super) struct Demands {

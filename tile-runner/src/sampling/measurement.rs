@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use linpred_core::{Params, Quality, Sampler};
 
 use super::allocation::allocate;
-use super::demands::Demands;
+use super::demands::{Demands, around_planes};
 use super::goal::Goal;
 use super::map::SampleMap;
 use super::scratch::{RowFile, Scratch};
@@ -76,8 +76,9 @@ impl Measurement {
 
     /// Bytes of memory that measuring an image and planning a map takes, beside denoising it.
     pub(crate) fn bytes(size: ImageSize) -> u64 {
-        // rows as they are put aside, around one that is smoothed, and of demands and maps
-        let rows = plane_bytes(size, 1, 6 * PLANES + 3 * PLANES + 6 + 6);
+        // rows around one that is smoothed; what is put aside, once read and once written; what was seen the second time; a row of demands, of a map, and to work in
+        let planes = around_planes() + 2 * (FIRST[0] + FIRST[1] + PLANES) + 3 + 4;
+        let rows = plane_bytes(size, 1, planes);
         rows.saturating_add(quantile::bytes(1))
     }
 

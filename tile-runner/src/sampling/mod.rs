@@ -11,7 +11,7 @@
 //! **The error of a pixel** is the geometric mean of two estimates, each over the mean square of the denoised colour and 0.003, cut at its 99th percentile (so that a few
 //! pixels do not take a budget; Pajot et al.), and averaged over the 5 x 5 pixels around. One is what the models claim ([`OutputRow::error`](crate::OutputRow)). The other is a
 //! second look: the image is denoised again with as much noise added as it has, its sign tossed for each pixel, and what has changed is squared. Models that
-//! are wrong about themselves do not agree with themselves: against the true error (12 renders of 5 scenes, 4 and 16 samples), the mean of the product is .65 to 1.4 times
+//! are wrong about themselves do not agree with themselves: against the true error (13 renders of five scenes, 4 and 16 samples), the mean of the product is .65 to 1.4 times
 //! the true mean where the claim alone is 1.0 to 18 times, and its rank correlation is .72 where the claim's is .65. An image without variances is not looked at twice.
 //!
 //! **The map** sums up to the budget exactly, and has the same bits whatever the threads and the machine: shares are rounded by a hash of the pixel and of the samples that the image
