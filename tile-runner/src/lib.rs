@@ -55,11 +55,12 @@ mod quantile;
 mod row;
 pub mod sampling;
 mod stream;
+pub mod temporal;
 
 pub use error::{Error, Remedy, Setting};
 pub use geometry::ImageSize;
 pub use linpred_core::{FEATURE_NAMES, FEATURES, Feature, Formulas, Params, Quality, Sampler};
-pub use row::{InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
+pub use row::{InputRow, Motion, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
 pub use stream::pipeline::{Options, denoise};
 pub use stream::report::{Counts, Report};
 pub use stream::threads::threads_to_use;

@@ -20,6 +20,17 @@ pub enum VarianceKind {
     Estimated,
 }
 
+/// What a frame says of where its surfaces are in the frames beside it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Motion {
+    /// Whether [`InputRow::backward`] is filled.
+    pub backward: bool,
+    /// Whether [`InputRow::forward`] is filled.
+    pub forward: bool,
+    /// Whether [`InputRow::position`] is filled.
+    pub position: bool,
+}
+
 /// What a source's rows hold; constant for the whole image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -40,6 +51,10 @@ pub struct RowLayout {
     pub scalars: usize,
     /// Whether it says how many samples each pixel has, which [`sampling`](crate::sampling) asks for.
     pub samples: bool,
+    /// What it says of motion, which [`temporal`](crate::temporal) asks for.
+    pub motion: Motion,
+    /// Whether it is made of several frames of a sequence.
+    pub frames: bool,
     /// Columns at either end that are not the image's own, and not counted.
     pub(crate) margin: usize,
 }
@@ -56,6 +71,8 @@ impl RowLayout {
             alpha: false,
             scalars: 0,
             samples: false,
+            motion: Motion::default(),
+            frames: false,
             margin: 0,
         }
     }
@@ -99,6 +116,19 @@ impl RowLayout {
     pub fn with_samples(self) -> Self {
         Self {
             samples: true,
+            ..self
+        }
+    }
+
+    /// With what the frame says of motion.
+    pub fn with_motion(self, motion: Motion) -> Self {
+        Self { motion, ..self }
+    }
+
+    /// Made of several frames.
+    pub(crate) fn with_frames(self) -> Self {
+        Self {
+            frames: true,
             ..self
         }
     }
@@ -151,6 +181,16 @@ pub struct InputRow {
     pub scalars: Vec<Vec<f32>>,
     /// How many samples each pixel has; empty unless the layout says so.
     pub samples: Vec<f32>,
+    /// Where what pixel (x, y) shows was in the frame before: at (x + the first, y + the second), in pixels, x to the right and y down. NaN where nobody knows. Empty unless the layout says so.
+    pub backward: [Vec<f32>; 2],
+    /// Likewise where it is in the frame after.
+    pub forward: [Vec<f32>; 2],
+    /// Where in the world it is, in a frame's own units; not finite where there is nothing. Empty unless the layout says so.
+    pub position: [Vec<f32>; 3],
+    /// How many frames each pixel is made of, 1 and more; empty unless the layout says so.
+    pub frames: Vec<f32>,
+    /// Of a row that is made of several frames what its own frame has: the mean of the channels of the colour, and their variances' sum. Empty otherwise.
+    pub light: [Vec<f32>; 2],
 }
 
 impl InputRow {
@@ -170,6 +210,11 @@ impl InputRow {
             alpha: vec![0.0; if layout.alpha { width } else { 0 }],
             scalars: vec![vec![0.0; width]; layout.scalars],
             samples: vec![0.0; if layout.samples { width } else { 0 }],
+            backward: planes(if layout.motion.backward { width } else { 0 }),
+            forward: planes(if layout.motion.forward { width } else { 0 }),
+            position: planes(if layout.motion.position { width } else { 0 }),
+            frames: vec![0.0; if layout.frames { width } else { 0 }],
+            light: planes(if layout.frames { width } else { 0 }),
         }
     }
 
@@ -206,10 +251,13 @@ impl InputRow {
         let features = self.features.iter().chain(&self.feature_variances);
         let radiance = self.colour.iter().chain(&self.variance);
         let layers = self.layers.iter().flatten();
-        let scalars = [&self.alpha, &self.samples]
+        let scalars = [&self.alpha, &self.samples, &self.frames]
             .into_iter()
             .chain(&self.scalars);
-        radiance.chain(features).chain(layers).chain(scalars)
+        let motion = self.backward.iter().chain(&self.forward);
+        let rest = motion.chain(&self.position).chain(&self.light);
+        let light = radiance.chain(features).chain(layers);
+        light.chain(scalars).chain(rest)
     }
 
     /// The same, to be filled.
@@ -217,10 +265,13 @@ impl InputRow {
         let features = self.features.iter_mut().chain(&mut self.feature_variances);
         let radiance = self.colour.iter_mut().chain(&mut self.variance);
         let layers = self.layers.iter_mut().flatten();
-        let scalars = [&mut self.alpha, &mut self.samples]
+        let scalars = [&mut self.alpha, &mut self.samples, &mut self.frames]
             .into_iter()
             .chain(&mut self.scalars);
-        radiance.chain(features).chain(layers).chain(scalars)
+        let motion = self.backward.iter_mut().chain(&mut self.forward);
+        let rest = motion.chain(&mut self.position).chain(&mut self.light);
+        let light = radiance.chain(features).chain(layers);
+        light.chain(scalars).chain(rest)
     }
 
     /// Whether its planes have the sizes of a row made for `layout`.
@@ -242,13 +293,33 @@ impl InputRow {
             && self.alpha.len() == if layout.alpha { width } else { 0 }
             && self.scalars.len() == layout.scalars
             && whole(&self.scalars)
-            && self.samples.len() == if layout.samples { width } else { 0 }
+            && [
+                (std::slice::from_ref(&self.samples), layout.samples),
+                (&self.backward, layout.motion.backward),
+                (&self.forward, layout.motion.forward),
+                (&self.position, layout.motion.position),
+                (std::slice::from_ref(&self.frames), layout.frames),
+                (&self.light, layout.frames),
+            ]
+            .into_iter()
+            .all(|(planes, present)| {
+                let wanted = if present { width } else { 0 };
+                planes.iter().all(|plane| plane.len() == wanted)
+            })
     }
 
     /// Bytes of a row.
     pub fn bytes(layout: &RowLayout) -> u64 {
         let features = layout.features.iter().filter(|present| **present).count();
-        let planes = 6 + 2 * features + layout.following_planes() + usize::from(layout.samples);
+        let Motion {
+            backward,
+            forward,
+            position,
+        } = layout.motion;
+        let motion =
+            2 * usize::from(backward) + 2 * usize::from(forward) + 3 * usize::from(position);
+        let others = motion + usize::from(layout.samples) + 3 * usize::from(layout.frames);
+        let planes = 6 + 2 * features + layout.following_planes() + others;
         plane_bytes(layout.size, 1, planes)
     }
 }
@@ -271,6 +342,8 @@ pub struct OutputRow {
     pub alpha: Vec<f32>,
     /// Denoised channels that are no light.
     pub scalars: Vec<Vec<f32>>,
+    /// How many frames of a sequence each pixel is made of, 1 and more; empty for an image that is denoised alone.
+    pub frames: Vec<f32>,
 }
 
 impl OutputRow {
@@ -287,17 +360,22 @@ impl OutputRow {
                 .collect(),
             alpha: if layout.alpha { plane() } else { Vec::new() },
             scalars: (0..layout.scalars).map(|_| plane()).collect(),
+            frames: if layout.frames { plane() } else { Vec::new() },
         }
     }
 
     /// Bytes of a row.
     pub fn bytes(layout: &RowLayout) -> u64 {
-        plane_bytes(layout.size, 1, 6 + layout.following_planes())
+        plane_bytes(
+            layout.size,
+            1,
+            6 + layout.following_planes() + usize::from(layout.frames),
+        )
     }
 
     /// Every plane; an image without alpha has an empty one.
     pub(crate) fn planes(&self) -> impl Iterator<Item = &Vec<f32>> {
-        let models = [&self.error, &self.radius, &self.rank];
+        let models = [&self.error, &self.radius, &self.rank, &self.frames];
         let layers = self.layers.iter().flatten();
         let scalars = std::iter::once(&self.alpha).chain(&self.scalars);
         let light = self.colour.iter().chain(layers);
@@ -306,7 +384,12 @@ impl OutputRow {
 
     /// The same, to be filled.
     pub(crate) fn planes_mut(&mut self) -> impl Iterator<Item = &mut Vec<f32>> {
-        let models = [&mut self.error, &mut self.radius, &mut self.rank];
+        let models = [
+            &mut self.error,
+            &mut self.radius,
+            &mut self.rank,
+            &mut self.frames,
+        ];
         let layers = self.layers.iter_mut().flatten();
         let scalars = std::iter::once(&mut self.alpha).chain(&mut self.scalars);
         let light = self.colour.iter_mut().chain(layers);

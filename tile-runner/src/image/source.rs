@@ -15,7 +15,7 @@ use crate::image::area::Area;
 use exr::meta::attribute::IntegerBounds;
 use linpred_core::{FEATURES, Feature};
 
-use crate::row::{InputRow, RowLayout, RowSource, VarianceKind, sums_up};
+use crate::row::{InputRow, Motion, RowLayout, RowSource, VarianceKind, sums_up};
 
 /// Channels, and where their variance comes from.
 #[derive(Clone, Debug)]
@@ -246,6 +246,8 @@ pub(crate) fn layout(roles: &Roles, size: ImageSize, layers: &[Layer]) -> RowLay
             .map(|layer| layer.channels.len())
             .sum(),
         samples: false,
+        motion: Motion::default(),
+        frames: false,
         margin: 0,
     }
 }
