@@ -339,6 +339,7 @@ fn a_frame_alone_has_the_bits_it_had_without_motion() {
     let others = ["other.X", "other.Y", "more.X", "more.Y", "more.Z"];
     let outputs = [names, others].map(|names| {
         let mut channels = colour(PIXELS);
+        channels.extend(["spec.R", "spec.G", "spec.B"].map(|name| float(name, PIXELS, 4)));
         channels.extend(
             (5..)
                 .zip(names)
@@ -354,7 +355,7 @@ fn a_frame_alone_has_the_bits_it_had_without_motion() {
         let attributes = &output.layer_data[0].attributes.other;
         let made_of = format!("{attributes:?}");
         assert!(!made_of.contains(names[0]), "{made_of}");
-        ["R", "G", "B"].map(|name| bits(&output, 0, name))
+        ["R", "G", "B", "spec.R"].map(|name| bits(&output, 0, name))
     });
     assert_eq!(outputs[0], outputs[1]);
 }
@@ -429,7 +430,8 @@ fn inspect_says_how_neighbours_would_be_found() {
             said.contains(&format!("\n  motion            {wanted}\n")),
             "{said}"
         );
-        let said = linpred(["inspect", path, "--json"]).succeeds().report();
+        let said = linpred(["inspect", path, "--json"]).succeeds().stdout();
+        let said: serde_json::Value = serde_json::from_str(&said).unwrap();
         assert_eq!(said["motion"], wanted);
     }
 }
