@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use exr::prelude::{AttributeValue, FlatSamples};
 use linpred::channels::{Mapping, Preset, Role, RoleRequest};
 use linpred::exr_file::attributes::RawHeader;
 use linpred::job::{Input, InputRequest, inspect};
