@@ -12,6 +12,7 @@ use crate::error::Error;
 use crate::exr_file::{ExrFile, PartRows};
 use crate::geometry::ImageSize;
 use crate::image::area::Area;
+use crate::image::motion::MotionChannels;
 use exr::meta::attribute::IntegerBounds;
 use linpred_core::{FEATURES, Feature};
 
@@ -48,6 +49,8 @@ pub struct ExrSource {
     /// Samples of each pixel, if a channel has them or they are wanted.
     samples: Option<Count>,
     layers_off: u64,
+    /// What is read of motion: nothing where a frame is denoised alone.
+    motion: MotionChannels,
 }
 
 impl ExrSource {
@@ -102,6 +105,7 @@ impl ExrSource {
             scalars: plain.into_iter().map(channels).collect(),
             samples: None,
             layers_off: 0,
+            motion: MotionChannels::default(),
         };
         for at in source.channels() {
             source.planes.open(files, at, limit)?;
@@ -120,6 +124,23 @@ impl ExrSource {
         self.layout.samples = true;
         self.samples = Some(count);
         self
+    }
+
+    /// Tells where the surfaces are in other frames, too, as far as the roles say. What is not finite, or beyond the data window of its part, is NaN.
+    ///
+    /// Errors as those of [`ExrSource::new`].
+    pub(crate) fn with_motion(
+        mut self,
+        files: &[Arc<ExrFile>],
+        roles: &Roles,
+        limit: u64,
+    ) -> Result<Self, Error> {
+        self.motion = MotionChannels::of(roles);
+        self.layout.motion = self.motion.layout();
+        for at in self.motion.all() {
+            self.planes.open(files, at, limit)?;
+        }
+        Ok(self)
     }
 
     /// Pixels read so far whose layers do not sum to the colour, to the precision of half floats. 0 without layers.
@@ -199,6 +220,7 @@ impl RowSource for ExrSource {
         if !self.layers.is_empty() {
             self.layers_off += count_off(row);
         }
+        self.motion.read(&mut self.planes, y, row)?;
         Ok(())
     }
 }
@@ -254,7 +276,7 @@ pub(crate) fn layout(roles: &Roles, size: ImageSize, layers: &[Layer]) -> RowLay
 
 /// The parts that are open, and rows to work in.
 #[derive(Debug)]
-struct Planes {
+pub(super) struct Planes {
     parts: BTreeMap<(usize, usize), OpenPart>,
     area: Area,
     /// The top left corner of the colour's data window.
@@ -298,7 +320,7 @@ impl Planes {
     }
 
     /// Reads row `y` of the area from a channel; what lies beyond the channel's data window is NaN.
-    fn plane(&mut self, at: ChannelRef, y: usize, out: &mut [f32]) -> Result<(), Error> {
+    pub(super) fn plane(&mut self, at: ChannelRef, y: usize, out: &mut [f32]) -> Result<(), Error> {
         let part = self
             .parts
             .get_mut(&(at.file, at.part))

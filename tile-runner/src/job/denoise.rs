@@ -331,7 +331,9 @@ fn marks(pictures: &[Input], options: &JobOptions) -> Result<Vec<(&'static str, 
     let params = &options.pipeline.params;
     let roles = pictures.iter().flat_map(|picture| {
         let assigned = picture.roles.assignments.iter();
-        assigned.map(|a| {
+        // what a frame alone does not read has no part in its output
+        let read = assigned.filter(|a| !a.role.is_of_motion());
+        read.map(|a| {
             let names: Vec<String> = a
                 .channels
                 .iter()

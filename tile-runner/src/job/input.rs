@@ -13,12 +13,13 @@ use crate::exr_file::ExrFile;
 use crate::exr_file::compression::SharedCodec;
 use crate::geometry::ImageSize;
 use crate::image::area::{Area, wrapped_layout};
+use crate::image::motion::MotionChannels;
 use crate::image::rewrite::{ExtraLayers, Rewrite, Targets};
 use crate::image::sink::ExrSink;
 use crate::image::source::{self, ExrSource};
 use crate::job::look::look;
 use crate::job::memory::DEFAULT_MEMORY_LIMIT;
-use crate::row::RowLayout;
+use crate::row::{Motion, RowLayout};
 
 /// Whether the windows of a picture wrap around its left and right ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -219,16 +220,49 @@ impl Input {
         }
     }
 
-    /// Every channel that is read.
+    /// Every channel that is read where the frame is denoised alone.
     pub fn channels(&self) -> Vec<ChannelRef> {
-        let assigned = self.roles.assignments.iter().flat_map(|a| &a.channels);
-        let mut all: Vec<ChannelRef> = assigned.copied().collect();
+        let assigned = self.roles.assignments.iter();
+        let assigned = assigned.filter(|a| !a.role.is_of_motion());
+        let mut all: Vec<ChannelRef> = assigned.flat_map(|a| &a.channels).copied().collect();
         for layer in &self.layers {
             all.extend(layer.channels.iter().copied());
             all.extend(layer.variance.channels());
         }
         all.extend(self.roles.variance.channels());
         all
+    }
+
+    /// What it says of where its surfaces are in the frames beside it.
+    pub fn motion(&self) -> Motion {
+        MotionChannels::of(&self.roles).layout()
+    }
+
+    /// Every channel that is read where the frame is one of a sequence whose frames help each other: those that tell of motion are added, and layers that are no light,
+    /// which are not averaged over frames, left out.
+    pub fn channels_in_sequence(&self) -> Vec<ChannelRef> {
+        let mut all = self.in_sequence().channels();
+        all.extend(MotionChannels::of(&self.roles).all());
+        all
+    }
+
+    /// What the rows of [`source_in_sequence`](Self::source_in_sequence) hold.
+    pub fn layout_in_sequence(&self) -> RowLayout {
+        self.in_sequence().layout().with_motion(self.motion())
+    }
+
+    /// A source of the rows of a frame of a sequence whose frames help each other: with what it says of motion, and without layers that are no light. Errors as those of
+    /// [`ExrSource::new`].
+    pub fn source_in_sequence(&self, limit: u64) -> Result<ExrSource, Error> {
+        let source = self.in_sequence().source(limit)?;
+        source.with_motion(self.names.files(), &self.roles, limit)
+    }
+
+    /// The same without layers that are no light.
+    fn in_sequence(&self) -> Self {
+        let mut own = self.clone();
+        own.layers.retain(|layer| layer.is_light);
+        own
     }
 
     /// A source of the rows of what is denoised (see [`ExrSource::new`]).
