@@ -48,6 +48,8 @@ pub struct ExrSource {
     /// Samples of each pixel, if a channel has them or they are wanted.
     samples: Option<Count>,
     layers_off: u64,
+    /// The rows whose layers have been counted.
+    counted: Vec<bool>,
 }
 
 impl ExrSource {
@@ -102,6 +104,7 @@ impl ExrSource {
             scalars: plain.into_iter().map(channels).collect(),
             samples: None,
             layers_off: 0,
+            counted: vec![false; area.size.height()],
         };
         for at in source.channels() {
             source.planes.open(files, at, limit)?;
@@ -122,7 +125,7 @@ impl ExrSource {
         self
     }
 
-    /// Pixels read so far whose layers do not sum to the colour, to the precision of half floats. 0 without layers.
+    /// Pixels read so far, each counted once, whose layers do not sum to the colour, to the precision of half floats. 0 without layers.
     pub fn layers_off(&self) -> u64 {
         self.layers_off
     }
@@ -196,7 +199,7 @@ impl RowSource for ExrSource {
                 row.samples.copy_from_slice(&planes.count);
             }
         }
-        if !self.layers.is_empty() {
+        if !self.layers.is_empty() && !std::mem::replace(&mut self.counted[y], true) {
             self.layers_off += count_off(row);
         }
         Ok(())

@@ -1,5 +1,6 @@
 //! An opened file whose channels have their roles.
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -104,6 +105,40 @@ pub struct Input {
     pub area: Area,
     /// Whether its windows wrap around its left and right ends.
     pub wrap: bool,
+    /// The frames that help it, if it is of a frame of a sequence (see [`open_frame`](super::open_frame)).
+    pub neighbours: Option<Neighbours>,
+}
+
+/// The frames beside that of a picture, as far as they can help it.
+#[derive(Clone, Debug, Default)]
+#[non_exhaustive]
+pub struct Neighbours {
+    /// The same picture of the frames before it, nearest first.
+    pub before: Vec<Input>,
+    /// The same picture of those after it, nearest first.
+    pub after: Vec<Input>,
+    /// Frames that were asked for and do not help, on each side the nearest: none beyond it does either.
+    pub unused: Vec<Unused>,
+}
+
+/// A frame that cannot help those beside it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Unused {
+    /// Its file.
+    pub path: PathBuf,
+    /// What is wrong with it.
+    pub why: String,
+}
+
+impl fmt::Display for Unused {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { path, why } = self;
+        let path = path.display();
+        write!(
+            f,
+            "{path} does not help the frames beside it, nor does any beyond it: {why}"
+        )
+    }
 }
 
 impl Input {
@@ -170,6 +205,7 @@ impl Input {
             Ok(Self {
                 area: Area::whole(size),
                 wrap: false,
+                neighbours: None,
                 names,
                 roles,
                 layers,
@@ -208,7 +244,22 @@ impl Input {
 
     /// What its rows hold, of what is denoised.
     pub fn layout(&self) -> RowLayout {
+        let alone = source::layout(&self.roles, self.area.size, &self.layers);
+        match self.helpers().next() {
+            Some(_) => self.layout_in_sequence().with_frames(),
+            None => alone,
+        }
+    }
+
+    /// What its rows hold, with what they say of motion.
+    pub(crate) fn layout_in_sequence(&self) -> RowLayout {
         source::layout(&self.roles, self.area.size, &self.layers)
+    }
+
+    /// The same picture of the frames that help it.
+    pub(crate) fn helpers(&self) -> impl Iterator<Item = &Self> {
+        let neighbours = self.neighbours.iter();
+        neighbours.flat_map(|of| of.before.iter().chain(&of.after))
     }
 
     /// What the pipeline's rows hold: those of a panorama are wider.
@@ -240,6 +291,24 @@ impl Input {
             self.area,
             limit,
         )
+    }
+
+    /// A source of the rows of a frame of a sequence.
+    pub(crate) fn source_in_sequence(&self, limit: u64) -> Result<ExrSource, Error> {
+        self.source(limit)
+    }
+
+    /// Every channel that is read of a frame of a sequence.
+    pub(crate) fn channels_in_sequence(&self) -> Vec<ChannelRef> {
+        self.channels()
+    }
+
+    /// Every channel that is read: of a frame of a sequence also those that say how it moves.
+    pub(crate) fn channels_to_read(&self) -> Vec<ChannelRef> {
+        match self.neighbours {
+            Some(_) => self.channels_in_sequence(),
+            None => self.channels(),
+        }
     }
 
     /// A sink for its denoised rows, into the file that [`denoise`](super::denoise) writes of a file with one picture.
@@ -301,6 +370,7 @@ impl Input {
                 .copied()
                 .collect(),
             prefix: if count > 1 { prefix } else { String::new() },
+            frames: self.neighbours.is_some(),
         }
     }
 }
@@ -330,10 +400,14 @@ pub enum Remark {
     Warning(String),
 }
 
-/// All there is to say before the pictures of a file are denoised: of each how it is read and what is odd about it, with its name where there are several; then what the
-/// output loses, and why it is stored in another way than the input.
+/// All there is to say before the pictures of a file are denoised: of each how it is read and what is odd about it, with its name where there are several; then which
+/// frames do not help it, what the output loses, and why it is stored in another way than the input.
 pub fn remarks(pictures: &[Input], extra: ExtraLayers) -> Result<Vec<Remark>, Error> {
     let mut remarks: Vec<Remark> = pictures.iter().flat_map(Input::remarks).collect();
+    // of every picture the same
+    let neighbours = pictures.first().and_then(|first| first.neighbours.as_ref());
+    let unused = neighbours.into_iter().flat_map(|of| &of.unused);
+    remarks.extend(unused.map(|frame| Remark::Warning(frame.to_string())));
     let of_output = rewrite(pictures, extra, &[])?.notes;
     remarks.extend(of_output.into_iter().map(Remark::Warning));
     Ok(remarks)

@@ -10,6 +10,7 @@ use crate::row::{InputRow, RowLayout, RowSource};
 pub struct Temporal<S> {
     own: S,
     layout: RowLayout,
+    neighbours: [usize; 2],
 }
 
 impl<S: RowSource> Temporal<S> {
@@ -20,9 +21,19 @@ impl<S: RowSource> Temporal<S> {
         after: Vec<S>,
         threads: NonZeroUsize,
     ) -> Result<Self, Error> {
-        let _ = (before, after, threads);
+        let _ = threads;
+        let neighbours = [before.len(), after.len()];
         let layout = own.layout().with_frames();
-        Ok(Self { own, layout })
+        Ok(Self {
+            own,
+            layout,
+            neighbours,
+        })
+    }
+
+    /// The frame that is helped.
+    pub fn own(&self) -> &S {
+        &self.own
     }
 
     /// Bytes that it takes at most beside its sources, for frames of this layout with so many neighbours before and after.
@@ -33,7 +44,7 @@ impl<S: RowSource> Temporal<S> {
 
     /// Of each neighbour, before and after the frame, the mean weight of its pixels so far, 1 for one that is as good as the frame's own.
     pub fn weights(&self) -> [Vec<f64>; 2] {
-        [Vec::new(), Vec::new()]
+        self.neighbours.map(|count| vec![1.0; count])
     }
 }
 
