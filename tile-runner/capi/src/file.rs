@@ -9,7 +9,7 @@ use std::sync::mpsc::channel;
 
 use linpred::channels::RoleRequest;
 use linpred::image::ExtraLayers;
-use linpred::job::{self, Input, InputRequest, JobOptions, Remark};
+use linpred::job::{self, FrameFiles, Input, InputRequest, JobOptions, NeighbourFiles, Remark};
 use linpred::sampling::{Goal, Summary};
 use linpred::{Error, Options, Report};
 
@@ -37,9 +37,19 @@ pub struct linpred_file_options {
     pub samples_per_pixel: u32,
     /// 0.
     pub reserved: u32,
+    /// If the image is a frame of a sequence, paths of `before_count` frames before it that help, so that it does not
+    /// flicker: the nearest first, at most 8. One that does not exist or cannot help is warned of and left out, with
+    /// those beyond it. May be NULL if the count is 0; without a frame on either side the image is denoised alone.
+    pub before: *const *const c_char,
+    /// Likewise those after it.
+    pub after: *const *const c_char,
+    /// How many paths `before` has.
+    pub before_count: u32,
+    /// How many paths `after` has.
+    pub after_count: u32,
 }
 
-// SAFETY: the size first, then a pointer and numbers
+// SAFETY: the size first, then pointers and numbers
 unsafe impl Versioned for linpred_file_options {
     const NAME: &'static str = "linpred_file_options";
 }
@@ -47,12 +57,15 @@ unsafe impl Versioned for linpred_file_options {
 /// What a call asks for.
 struct Request {
     input: InputRequest,
+    /// The frames beside it, if there are any to help it.
+    neighbours: Option<NeighbourFiles>,
     output: PathBuf,
     options: JobOptions,
 }
 
 /// # Safety
-/// The paths and that of the options are NULL or end with a zero; `options` is NULL or can be read over its size.
+/// The paths and those of the options are NULL or end with a zero; `options` is NULL or can be read over its size, and so can what it says of other frames over
+/// their counts.
 unsafe fn request(
     limit: u64,
     compute: Options,
@@ -70,6 +83,10 @@ unsafe fn request(
             models_layer: 0,
             samples_per_pixel: 0,
             reserved: 0,
+            before: null(),
+            after: null(),
+            before_count: 0,
+            after_count: 0,
         },
         // SAFETY: the caller's promise
         false => unsafe { versioned::read(options) }?,
@@ -79,6 +96,19 @@ unsafe fn request(
         // SAFETY: the caller's promise
         false => Some(unsafe { path("other_half", given.other_half) }?),
     };
+    // SAFETY: the caller's promise
+    let (before, after) = unsafe {
+        (
+            frames("before", given.before, given.before_count)?,
+            frames("after", given.after, given.after_count)?,
+        )
+    };
+    let neighbours = NeighbourFiles { before, after };
+    if other_half.is_some() && neighbours != NeighbourFiles::default() {
+        return Err(Failure::argument(
+            "before or after has frames, whose other halves are not known: leave out other_half, or the frames",
+        ));
+    }
     let roles = RoleRequest {
         spp: (given.samples_per_pixel > 0).then_some(given.samples_per_pixel),
         ..RoleRequest::default()
@@ -88,6 +118,7 @@ unsafe fn request(
             .with_other_half(other_half)
             .with_roles(roles)
             .with_memory_limit(Some(limit)),
+        neighbours: Some(neighbours).filter(|files| *files != NeighbourFiles::default()),
         output,
         options: JobOptions::new(compute)
             .with_memory_limit(limit)
@@ -96,6 +127,37 @@ unsafe fn request(
                 models: flag("models_layer", given.models_layer)?,
             }),
     })
+}
+
+/// The files of other frames.
+///
+/// # Safety
+/// `paths` is NULL or can be read over its count; each path is NULL or ends with a zero.
+unsafe fn frames(
+    name: &str,
+    paths: *const *const c_char,
+    count: u32,
+) -> Result<Vec<FrameFiles>, Failure> {
+    if paths.is_null() && count > 0 {
+        return Err(Failure::argument(format!(
+            "{name} is NULL, and {name}_count is {count}"
+        )));
+    }
+    if count as usize > job::MOST_REACH.get() {
+        return Err(Failure::argument(format!(
+            "{name}_count is {count}; at most {} frames help",
+            job::MOST_REACH
+        )));
+    }
+    let files = (0..count as usize).map(|n| {
+        // SAFETY: the caller's promise, within the count
+        let path = unsafe { path(name, paths.add(n).read_unaligned()) }?;
+        Ok(FrameFiles {
+            path,
+            other_half: None,
+        })
+    });
+    files.collect()
 }
 
 fn flag(name: &str, value: i32) -> Result<bool, Failure> {
@@ -109,13 +171,16 @@ fn flag(name: &str, value: i32) -> Result<bool, Failure> {
 }
 
 fn denoise(denoiser: &mut Denoiser, request: &Request) -> Result<(), Failure> {
-    let pictures = Input::open_all(&request.input)?;
+    let pictures = match &request.neighbours {
+        None => Input::open_all(&request.input)?,
+        Some(files) => job::open_frame(&request.input, files)?,
+    };
     let remarks = job::remarks(&pictures, request.options.extra)?.into_iter();
     let warnings = remarks.filter_map(|remark| match remark {
         Remark::Warning(warning) => Some(warning),
         Remark::Note(_) => None,
     });
-    let notes = warnings.collect::<Vec<_>>().join("\n");
+    let mut notes: Vec<String> = warnings.collect();
     let height = pictures.first().map_or(0, Input::height);
     let (output, options) = (&request.output, &request.options);
     let summary = run(denoiser, height, |stop, progress| {
@@ -126,7 +191,11 @@ fn denoise(denoiser: &mut Denoiser, request: &Request) -> Result<(), Failure> {
         report.add(picture);
     }
     denoiser.done = Done::new(report, summary.clamped);
-    denoiser.notes = notes;
+    // a frame may turn out on the way to be damaged
+    let unused = summary.unused.iter().map(ToString::to_string);
+    let unused: Vec<String> = unused.filter(|text| !notes.contains(text)).collect();
+    notes.extend(unused);
+    denoiser.notes = notes.join("\n");
     Ok(())
 }
 
@@ -135,6 +204,11 @@ fn sample_map(denoiser: &mut Denoiser, request: &Request, goal: Goal) -> Result<
     if options.extra != ExtraLayers::default() {
         return Err(Failure::argument(
             "error_layer or models_layer is 1, but a map of samples has no layers beside it",
+        ));
+    }
+    if request.neighbours.is_some() {
+        return Err(Failure::argument(
+            "before or after has frames, but a map of samples is of one frame alone",
         ));
     }
     let picture = job::only_picture(&request.input)?;
@@ -196,7 +270,7 @@ fn run<T: Send>(
 ///
 /// # Safety
 /// `denoiser` is NULL, or of linpred_new() and not freed; paths are NULL or end with a zero; `options` is NULL or can
-/// be read over its size.
+/// be read over its size, and its lists of paths over their counts.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn linpred_denoise_file(
     denoiser: *mut linpred_denoiser,

@@ -1,7 +1,7 @@
 //! What the commands do to files.
 
 use std::ffi::OsString;
-use std::num::NonZeroU32;
+use std::num::{NonZeroU32, NonZeroUsize};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -10,8 +10,8 @@ use linpred::channels::{Mapping, PRESET_NAMES, Preset, RoleRequest};
 use linpred::cli;
 use linpred::image::ExtraLayers;
 use linpred::job::{
-    self, Band, CompareRequest, Input, InputRequest, JobOptions, MergeRequest, Merging, Remark,
-    Wrap,
+    self, Band, CompareRequest, FrameFiles, Input, InputRequest, JobOptions, MergeRequest, Merging,
+    NeighbourFiles, Remark, Wrap,
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -36,6 +36,56 @@ pub(crate) struct Reading {
     wrap: String,
     /// Bytes, or a size as the command line takes it.
     max_memory: Option<String>,
+    /// The frames beside it, if they are to help it.
+    neighbours: Option<Beside>,
+}
+
+/// The frames before and after one, nearest first: of each its file and that of its other half.
+type Beside = (
+    Vec<(PathBuf, Option<PathBuf>)>,
+    Vec<(PathBuf, Option<PathBuf>)>,
+);
+
+fn to_files((before, after): Beside) -> NeighbourFiles {
+    let side = |frames: Vec<(PathBuf, Option<PathBuf>)>| {
+        let frames = frames.into_iter();
+        frames
+            .map(|(path, other_half)| FrameFiles { path, other_half })
+            .collect()
+    };
+    NeighbourFiles {
+        before: side(before),
+        after: side(after),
+    }
+}
+
+fn from_files(files: NeighbourFiles) -> Beside {
+    let side = |frames: Vec<FrameFiles>| {
+        let frames = frames.into_iter();
+        frames.map(|of| (of.path, of.other_half)).collect()
+    };
+    (side(files.before), side(files.after))
+}
+
+fn open(request: &InputRequest, neighbours: Option<Beside>) -> Result<Vec<Input>, linpred::Error> {
+    match neighbours {
+        None => Input::open_all(request),
+        Some(beside) => job::open_frame(request, &to_files(beside)),
+    }
+}
+
+/// How many frames on each side may help.
+fn reach(temporal: i64) -> PyResult<NonZeroUsize> {
+    let reach = usize::try_from(temporal).ok().and_then(NonZeroUsize::new);
+    reach
+        .filter(|reach| *reach <= job::MOST_REACH)
+        .ok_or_else(|| {
+            PyValueError::new_err(format!(
+                "temporal {temporal}: it is 1 to {} frames on each side, or True for {}",
+                job::MOST_REACH,
+                job::DEFAULT_REACH
+            ))
+        })
 }
 
 impl Reading {
@@ -109,14 +159,17 @@ impl Writing {
     }
 }
 
-/// The frames of a sequence, (number, input, other half, output) each; `None` if the names are those of single images.
+/// The frames of a sequence, (number, input, other half, output, frames beside it) each; `None` if the names are those of single images. Without `output` nothing is to be
+/// written.
 #[pyfunction]
 #[expect(clippy::type_complexity, reason = "a tuple is what Python reads")]
 pub(crate) fn frames(
     reading: Reading,
-    output: PathBuf,
+    output: Option<PathBuf>,
     wanted: Option<Bound<'_, PyAny>>,
-) -> PyResult<Option<Vec<(u32, PathBuf, Option<PathBuf>, PathBuf)>>> {
+    temporal: Option<i64>,
+) -> PyResult<Option<Vec<(u32, PathBuf, Option<PathBuf>, PathBuf, Option<Beside>)>>> {
+    let temporal = temporal.map(reach).transpose()?;
     let wanted = match wanted {
         None => None,
         Some(wanted) => Some(match wanted.extract::<String>() {
@@ -124,12 +177,36 @@ pub(crate) fn frames(
             Err(_) => wanted.extract::<Vec<u32>>()?,
         }),
     };
-    let frames = job::frames(&reading.request()?, &output, wanted).map_err(raise)?;
+    let request = reading.request()?;
+    let names = output.as_ref().unwrap_or(&request.path);
+    let frames = job::frames(&request, names, wanted, temporal).map_err(raise)?;
+    if let (Some(frames), Some(_)) = (&frames, &output) {
+        job::check_outputs(frames).map_err(raise)?;
+    }
     let tuple = |frame: job::Frame| {
         let request = frame.request;
-        (frame.number, request.path, request.other_half, frame.output)
+        let beside = frame.neighbours.map(from_files);
+        (
+            frame.number,
+            request.path,
+            request.other_half,
+            frame.output,
+            beside,
+        )
     };
     Ok(frames.map(|frames| frames.into_iter().map(tuple).collect()))
+}
+
+/// The frames beside a single image.
+#[pyfunction]
+pub(crate) fn beside(
+    reading: Reading,
+    before: Vec<PathBuf>,
+    after: Vec<PathBuf>,
+    temporal: i64,
+) -> PyResult<Beside> {
+    let files = job::frames_beside(&reading.request()?, &before, &after, reach(temporal)?);
+    files.map(from_files).map_err(raise)
 }
 
 /// Refuses what makes no sense whatever a file holds.
@@ -152,9 +229,11 @@ pub(crate) fn denoise_file<'py>(
     warn: &Bound<'py, PyAny>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
+    let mut reading = reading;
+    let neighbours = reading.neighbours.take();
     let request = reading.request()?;
     let options = writing.options(&computing, request.memory_limit)?;
-    let pictures = py.detach(|| Input::open_all(&request)).map_err(raise)?;
+    let pictures = py.detach(|| open(&request, neighbours)).map_err(raise)?;
     let rows = job::rows_to_write(&pictures, &options).map_err(raise)?;
     let (mut notes, mut warnings) = (Vec::new(), Vec::new());
     for remark in job::remarks(&pictures, options.extra).map_err(raise)? {
@@ -174,9 +253,19 @@ pub(crate) fn denoise_file<'py>(
     let reports: PyResult<Vec<_>> = done.reports.iter().map(|r| report::fields(py, r)).collect();
     fields.set_item("pictures", PyList::new(py, reports?)?)?;
     fields.set_item("notes", notes)?;
-    fields.set_item("warnings", warnings)?;
+    fields.set_item("warnings", &warnings)?;
     fields.set_item("clamped", done.clamped)?;
     fields.set_item("layers_off", done.layers_off.iter().sum::<u64>())?;
+    let help = done.help.iter();
+    let help: Vec<_> = help
+        .map(|help| (help.frames, help.before.clone(), help.after.clone()))
+        .collect();
+    fields.set_item("help", help)?;
+    let unused: Vec<_> = done.unused.iter().map(ToString::to_string).collect();
+    for text in unused.iter().filter(|text| !warnings.contains(text)) {
+        warn.call1((text,))?;
+    }
+    fields.set_item("unused", unused)?;
     Ok(fields)
 }
 
@@ -188,9 +277,11 @@ pub(crate) fn plan(
     writing: Writing,
     computing: Computing,
 ) -> PyResult<(usize, u64, String)> {
+    let mut reading = reading;
+    let neighbours = reading.neighbours.take();
     let request = reading.request()?;
     let options = writing.options(&computing, request.memory_limit)?;
-    let pictures = py.detach(|| Input::open_all(&request)).map_err(raise)?;
+    let pictures = py.detach(|| open(&request, neighbours)).map_err(raise)?;
     let (schedule, plan) = job::plan(&pictures, &options).map_err(raise)?;
     plan.check(options.memory_limit).map_err(raise)?;
     Ok((schedule.threads.get(), plan.total(), plan.to_string()))

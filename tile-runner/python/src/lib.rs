@@ -19,7 +19,9 @@ mod _linpred {
     #[pymodule_export]
     use super::errors::{Busy, InputError};
     #[pymodule_export]
-    use super::files::{check, compare, denoise_file, frames, inspect, main, merge, plan, stitch};
+    use super::files::{
+        beside, check, compare, denoise_file, frames, inspect, main, merge, plan, stitch,
+    };
     #[pymodule_export]
     use super::frame::denoise;
     #[pymodule_export]

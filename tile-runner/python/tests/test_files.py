@@ -173,6 +173,53 @@ def test_a_sequence_is_denoised_frame_by_frame(tmp_path: Path) -> None:
     assert [(report.frame, report.skipped) for report in reports] == [(2, True), (4, True)]
 
 
+def test_frames_that_help_each_other_are_those_of_the_command(tmp_path: Path) -> None:
+    for frame in range(1, 5):
+        small_file(tmp_path / f"shot.{frame}.exr", frame)
+    done = command("denoise", tmp_path / "shot.#.exr", "-o", tmp_path / "command.#.exr", "--temporal", "--quality", "fast")
+    assert done.returncode == 0, done.stderr
+    shot = tmp_path / "shot.#.exr"
+    reports = linpred.denoise_file(shot, tmp_path / "whole.#.exr", temporal=True, quality="fast")
+    assert isinstance(reports, list)
+    for frame, report in enumerate(reports, 1):
+        name = tmp_path / f"command.{frame}.exr"
+        assert Path(report.output).read_bytes() == name.read_bytes()
+        assert len(report.help) == 1 and report.help[0].frames >= 1.0
+    # one of them, by itself
+    for beside in [dict(before=shot, after=shot), dict(before=[tmp_path / "shot.1.exr"], after=[tmp_path / "shot.3.exr", tmp_path / "shot.4.exr"])]:
+        report = linpred.denoise_file(tmp_path / "shot.2.exr", tmp_path / "one.exr", temporal=3, quality="fast", **beside)
+        assert (tmp_path / "one.exr").read_bytes() == (tmp_path / "command.2.exr").read_bytes()
+    alone = linpred.plan(tmp_path / "shot.2.exr")
+    assert linpred.plan(tmp_path / "shot.2.exr", temporal=1, after=shot).memory > alone.memory
+
+
+def test_a_frame_that_cannot_help_is_warned_of_and_named(tmp_path: Path) -> None:
+    small_file(tmp_path / "shot.1.exr")
+    (tmp_path / "shot.2.exr").write_text("not a picture")
+    with pytest.warns(linpred.InputWarning, match="shot.2.exr does not help"):
+        report = linpred.denoise_file(tmp_path / "shot.1.exr", tmp_path / "out.exr", temporal=1, after=tmp_path / "shot.2.exr")
+    assert isinstance(report, linpred.FileReport)
+    assert report.help == (linpred.Help(1.0, (), ()),)
+    assert len(report.unused) == 1 and "not an EXR" in report.unused[0]
+
+
+def test_help_that_makes_no_sense_is_refused(tmp_path: Path) -> None:
+    one, two = small_file(tmp_path / "shot.1.exr"), small_file(tmp_path / "shot.2.exr", 2)
+    for input, output, options, words in [
+        (one, "out.exr", dict(temporal=True), "before and after"),
+        (one, "out.exr", dict(after=two), "temporal"),
+        (one, "out.exr", dict(temporal=0, after=two), "1 to 8"),
+        (one, "out.exr", dict(temporal=9, after=two), "1 to 8"),
+        (tmp_path / "shot.#.exr", "out.#.exr", dict(temporal=True, after=two), "single image"),
+        (one, "out.exr", dict(temporal=True, before=one), "one file"),
+        (tmp_path / "shot.#.exr", "shot.#.exr", dict(temporal=True), "is the input"),
+    ]:
+        with pytest.raises(ValueError, match=words):
+            linpred.denoise_file(input, tmp_path / output, **options)
+    with pytest.raises(TypeError, match="before"):
+        linpred.denoise_file(one, tmp_path / "out.exr", temporal=True, before=3)  # type: ignore[arg-type]
+
+
 def test_frames_that_are_skipped_count_as_done(tmp_path: Path) -> None:
     for n in (1, 2, 3):
         small_file(tmp_path / f"shot.{n}.exr", n)

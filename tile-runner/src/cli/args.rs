@@ -7,7 +7,9 @@ use crate::channels::{Mapping, PRESET_NAMES};
 use crate::job::{Band, parse_frames};
 use clap::{ArgGroup, Args, Parser, Subcommand, ValueEnum};
 
-use super::number::{parse_budget, parse_coverage, parse_error, parse_spp, parse_threads};
+use super::number::{
+    parse_budget, parse_coverage, parse_error, parse_reach, parse_spp, parse_threads,
+};
 use super::size::parse_size;
 
 /// What the end of the process says.
@@ -99,7 +101,9 @@ Examples:
   linpred denoise moments.exr -o clean.exr --preset mitsuba --spp 64
   linpred denoise odd.exr -o clean.exr --map colour=main --map albedo=kd --map variance=none
   linpred denoise first_half.exr --other-half second_half.exr -o clean.exr
-  linpred denoise 'shot.####.exr' -o 'clean.####.exr' --frames 1-100x2 --skip-existing"))]
+  linpred denoise 'shot.####.exr' -o 'clean.####.exr' --frames 1-100x2 --skip-existing
+  linpred denoise 'shot.####.exr' -o 'clean.####.exr' --temporal
+  linpred denoise shot.0042.exr -o clean.0042.exr --temporal --before 'shot.####.exr' --after 'shot.####.exr'"))]
 pub(crate) struct DenoiseArguments {
     #[command(flatten)]
     pub(crate) input: InputArguments,
@@ -119,7 +123,8 @@ pub(crate) struct DenoiseArguments {
     /// root is a standard error
     #[arg(long)]
     pub(crate) error_layer: bool,
-    /// Add the channels linpred.radius and linpred.rank: the size and the rank of the models behind each pixel
+    /// Add the channels linpred.radius and linpred.rank: the size and the rank of the models behind each pixel; with --temporal also linpred.frames: of how
+    /// many frames it is made
     #[arg(long)]
     pub(crate) models_layer: bool,
     /// Threads that compute, at most one on each processor; the result does not depend on it [default: all processors]
@@ -132,6 +137,24 @@ pub(crate) struct DenoiseArguments {
     /// exist]
     #[arg(long, value_name = "FRAMES", value_parser = parse_frames)]
     pub(crate) frames: Option<std::vec::Vec<u32>>,
+    /// Have the frames of a sequence help each other, so that they do not flicker: each pixel is averaged with what shows the same surface in the N frames before and after
+    /// it, which are found by motion vectors, else by positions in the world, else in the same place; 1 to 8, the default 3. The input holds a place for the number,
+    /// or --before and --after say which frames are beside it
+    #[arg(
+        long,
+        value_name = "N",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "3",
+        value_parser = parse_reach
+    )]
+    pub(crate) temporal: Option<NonZeroUsize>,
+    /// The frames before a single image: 'shot.####.exr', by the number in the image's name, or each by its name, the nearest first
+    #[arg(long, value_name = "FRAME.exr", requires = "temporal")]
+    pub(crate) before: Vec<PathBuf>,
+    /// The frames after it, likewise
+    #[arg(long, value_name = "FRAME.exr", requires = "temporal")]
+    pub(crate) after: Vec<PathBuf>,
     /// Leave frames alone whose output exists
     #[arg(long)]
     pub(crate) skip_existing: bool,

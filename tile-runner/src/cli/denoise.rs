@@ -2,7 +2,8 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -10,7 +11,8 @@ use std::time::Instant;
 use crate::channels::{Preset, RoleRequest};
 use crate::image::ExtraLayers;
 use crate::job::{
-    self, Frame, Input, InputRequest, JobOptions, MemoryPlan, Remark, Schedule, Wrap,
+    self, Frame, Input, InputRequest, JobOptions, MemoryPlan, NeighbourFiles, Remark, Schedule,
+    Wrap,
 };
 use crate::{Error, Options};
 use linpred_core::{Params, Quality};
@@ -37,13 +39,40 @@ pub(crate) fn run(arguments: DenoiseArguments, log: &LogArguments) -> Result<u8,
         said: RefCell::default(),
     };
     let request = request(arguments.input).with_memory_limit(arguments.max_memory);
-    match job::frames(&request, &arguments.output, arguments.frames)? {
-        None => run
-            .image(&request, &arguments.output, Place::ALONE)
-            .map(|()| DONE),
+    let reach = arguments.temporal;
+    let beside = [arguments.before, arguments.after];
+    match job::frames(&request, &arguments.output, arguments.frames, reach)? {
+        None => {
+            let neighbours = reach.map(|reach| neighbours(&request, &beside, reach));
+            let neighbours = neighbours.transpose()?;
+            let files = (&request, neighbours.as_ref());
+            run.image(files, &arguments.output, Place::ALONE)
+                .map(|()| DONE)
+        }
+        Some(_) if beside.iter().any(|side| !side.is_empty()) => Err(Error::Usage(
+            "--before and --after are for a single image: the frames of a sequence find those beside them by their numbers".into(),
+        )),
         Some(frames) => run.sequence(&frames),
     }
 }
+
+/// The files of the frames beside a single image.
+fn neighbours(
+    request: &InputRequest,
+    [before, after]: &[Vec<PathBuf>; 2],
+    reach: NonZeroUsize,
+) -> Result<NeighbourFiles, Error> {
+    if before.is_empty() && after.is_empty() {
+        return Err(Error::Usage(format!(
+            "{} is a single image: say with --before and --after which frames are beside it, or name a sequence (shot.####.exr) and, with --frames, its number",
+            request.path.display()
+        )));
+    }
+    job::frames_beside(request, before, after, reach)
+}
+
+/// An image, and the frames beside it if they are to help it.
+type Files<'a> = (&'a InputRequest, Option<&'a NeighbourFiles>);
 
 /// What is the same for every frame.
 struct Run {
@@ -59,14 +88,18 @@ struct Run {
 
 impl Run {
     /// Denoises an image, which has this place among those of the command.
-    fn image(&self, request: &InputRequest, output: &Path, place: Place) -> Result<(), Error> {
+    fn image(&self, files: Files, output: &Path, place: Place) -> Result<(), Error> {
+        let (request, neighbours) = files;
         if self.skip_existing && output.exists() {
             tracing::info!("{} exists, skipped", output.display());
             progress::skipped(self.progress, place);
             return Ok(());
         }
         let started = Instant::now();
-        let pictures = Input::open_all(request)?;
+        let pictures = match neighbours {
+            None => Input::open_all(request)?,
+            Some(neighbours) => job::open_frame(request, neighbours)?,
+        };
         if self.dry_run {
             return dry_run(&pictures, &self.options);
         }
@@ -76,13 +109,10 @@ impl Run {
         let mut told = |rows| progress.set(rows);
         let result = job::denoise(&pictures, output, &self.options, &self.stop, &mut told);
         progress.end();
-        report(
-            &result?,
-            &pictures,
-            started.elapsed(),
-            self.log_format,
-            output,
-        );
+        let done = result?;
+        let broken = done.unused.iter().map(ToString::to_string);
+        self.say_once(broken.map(Remark::Warning));
+        report(&done, &pictures, started.elapsed(), self.log_format, output);
         Ok(())
     }
 
@@ -92,18 +122,23 @@ impl Run {
         for assignment in assignments {
             tracing::debug!("{}: {}", assignment.role.name(), assignment.rule);
         }
+        self.say_once(job::remarks(pictures, self.options.extra)?);
+        Ok(())
+    }
+
+    fn say_once(&self, remarks: impl IntoIterator<Item = Remark>) {
         let mut said = self.said.borrow_mut();
-        for remark in job::remarks(pictures, self.options.extra)? {
+        for remark in remarks {
             let (Remark::Note(text) | Remark::Warning(text)) = &remark;
             if said.insert(text.clone()) {
                 log::remark(&remark);
             }
         }
-        Ok(())
     }
 
     /// A frame that fails does not stop the others; the first failure's exit code is the sequence's.
     fn sequence(&self, frames: &[Frame]) -> Result<u8, Error> {
+        job::check_outputs(frames)?;
         let mut failures = Vec::new();
         for (before, frame) in frames.iter().enumerate() {
             let place = Place {
@@ -111,7 +146,8 @@ impl Run {
                 before,
                 of: frames.len(),
             };
-            match self.image(&frame.request, &frame.output, place) {
+            let files = (&frame.request, frame.neighbours.as_ref());
+            match self.image(files, &frame.output, place) {
                 Ok(()) => {}
                 Err(error @ Error::Cancelled) => return Err(error),
                 Err(error) => {

@@ -4,6 +4,7 @@ use std::num::{NonZeroU32, NonZeroUsize};
 use std::str::FromStr;
 
 use crate::Error;
+use crate::job::MOST_REACH;
 use crate::sampling::Goal;
 
 /// Parses a number of threads.
@@ -29,6 +30,16 @@ pub(crate) fn parse_coverage(text: &str) -> Result<u16, Error> {
     match number {
         1..=1024 => Ok(number),
         _ => Err(Error::Usage(advice.into())),
+    }
+}
+
+/// Parses a number of frames on each side that help.
+pub(crate) fn parse_reach(text: &str) -> Result<NonZeroUsize, Error> {
+    let advice = format!("write a number of frames from 1 to {MOST_REACH}, or leave it out");
+    let reach = parse(text, &advice)?;
+    match reach <= MOST_REACH {
+        true => Ok(reach),
+        false => Err(Error::Usage(advice)),
     }
 }
 

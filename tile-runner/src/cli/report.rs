@@ -18,11 +18,16 @@ pub(crate) fn report(
 ) {
     let total = total(&summary.reports);
     warn(summary, pictures, &total);
+    say_of_changes(summary, pictures);
     let seconds = took.as_secs_f64();
     match format {
-        LogFormat::Json => log_fields(summary, &total, pictures, seconds, output),
+        LogFormat::Json => {
+            log_fields(summary, &total, pictures, seconds, output);
+            log_help_fields(summary, pictures, output);
+        }
         LogFormat::Text => {
             log_sentence(summary, &total, pictures, seconds, output);
+            log_help(summary, pictures, output);
             log_skipped(&total);
         }
     }
@@ -104,6 +109,79 @@ fn warn_of_layers(picture: &Input, off: u64, pixels: u64) {
             "the layers {} do not sum to the colour at {off} of {pixels} pixels, in the input already",
             names.join(" ")
         );
+    }
+}
+
+/// Below this mean weight of the pixels of the next frame the picture is another.
+const CHANGE: f64 = 0.1;
+
+/// Says where the picture is another in the next frame, as at a cut: what is beyond does not help.
+fn say_of_changes(summary: &Summary, pictures: &[Input]) {
+    for (picture, help) in pictures.iter().zip(&summary.help) {
+        let Some(of) = &picture.neighbours else {
+            continue;
+        };
+        let sides = [(&of.before, &help.before), (&of.after, &help.after)];
+        for (frames, weights) in sides {
+            if let (Some(next), Some(&weight)) = (frames.first(), weights.first())
+                && weight < CHANGE
+            {
+                tracing::info!(
+                    "{} and {} have little in common (mean weight {weight:.3}): is there a cut between them?",
+                    picture.path().display(),
+                    next.path().display()
+                );
+            }
+        }
+    }
+}
+
+/// Says how many frames helped.
+fn log_help(summary: &Summary, pictures: &[Input], output: &Path) {
+    for (picture, help) in pictures.iter().zip(&summary.help) {
+        let label = match picture.roles.label() {
+            label if label.is_empty() => label,
+            label => format!("{label}: "),
+        };
+        tracing::info!(
+            "{}: {label}made of {:.1} frames on average, with {} before and {} after{}",
+            output.display(),
+            help.frames,
+            help.before.len(),
+            help.after.len(),
+            unused(summary)
+        );
+    }
+}
+
+/// The same for scripts: an event for each picture of a frame of a sequence.
+fn log_help_fields(summary: &Summary, pictures: &[Input], output: &Path) {
+    let unused: Vec<String> = summary.unused.iter().map(|of| of.to_string()).collect();
+    for (picture, help) in pictures.iter().zip(&summary.help) {
+        let label = Some(picture.roles.label()).filter(|label| !label.is_empty());
+        tracing::info!(
+            output = %output.display(),
+            picture = label,
+            frames = help.frames,
+            before = help.before.len(),
+            after = help.after.len(),
+            weight_before = help.before.first(),
+            weight_after = help.after.first(),
+            unused = Some(unused.join("; ")).filter(|words| !words.is_empty()),
+            "helped"
+        );
+    }
+}
+
+/// The frames that did not help, in words.
+fn unused(summary: &Summary) -> String {
+    let names = summary
+        .unused
+        .iter()
+        .map(|of| of.path.display().to_string());
+    match names.collect::<Vec<_>>() {
+        names if names.is_empty() => String::new(),
+        names => format!("; of no use: {}", names.join(", ")),
     }
 }
 

@@ -23,6 +23,8 @@ pub const OPTIONS_ATTRIBUTE: &str = "linpredOptions";
 pub const INPUT_ATTRIBUTE: &str = "linpredInput";
 /// Attribute of an output: its channels, with ", " between, that tell of the noise of the input, and not of the output's.
 pub const NOISE_ATTRIBUTE: &str = "linpredNoiseOfInput";
+/// Attribute of an output: which frames beside its own it was made of, on each side how many and, nearest first, their checksums, as for [`INPUT_ATTRIBUTE`].
+pub const NEIGHBOURS_ATTRIBUTE: &str = "linpredNeighbours";
 /// Attribute of merged passes: the checksums of those that they are made of, as for [`INPUT_ATTRIBUTE`], with spaces between.
 pub const MERGED_ATTRIBUTE: &str = "linpredMerged";
 

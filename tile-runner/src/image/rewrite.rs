@@ -20,26 +20,30 @@ pub const ERROR_CHANNEL: &str = "linpred.error";
 pub const RADIUS_CHANNEL: &str = "linpred.radius";
 /// Channel with the mean local rank of the models.
 pub const RANK_CHANNEL: &str = "linpred.rank";
+/// Channel with the number of frames that a pixel is made of, its own among them.
+pub const FRAMES_CHANNEL: &str = "linpred.frames";
 
 /// What goes into the output beside the denoised colour.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ExtraLayers {
     /// [`ERROR_CHANNEL`].
     pub error: bool,
-    /// [`RADIUS_CHANNEL`] and [`RANK_CHANNEL`].
+    /// [`RADIUS_CHANNEL`] and [`RANK_CHANNEL`], and [`FRAMES_CHANNEL`] of a frame of a sequence.
     pub models: bool,
 }
 
 impl ExtraLayers {
-    /// The channels of picture `n`, with what stands before their names.
-    fn channels(self, n: usize, prefix: &str) -> impl Iterator<Item = (String, Fill)> + use<> {
+    /// The channels of picture `n`, which goes to `picture`.
+    fn channels(self, n: usize, picture: &Targets) -> impl Iterator<Item = (String, Fill)> + use<> {
         let error = self.error.then_some((ERROR_CHANNEL, DenoisedPlane::Error));
         let radius = self
             .models
             .then_some((RADIUS_CHANNEL, DenoisedPlane::Radius));
         let rank = self.models.then_some((RANK_CHANNEL, DenoisedPlane::Rank));
-        let prefix = prefix.to_owned();
-        let channels = [error, radius, rank].into_iter().flatten();
+        let frames =
+            (self.models && picture.frames).then_some((FRAMES_CHANNEL, DenoisedPlane::Frames));
+        let prefix = picture.prefix.clone();
+        let channels = [error, radius, rank, frames].into_iter().flatten();
         channels.map(move |(name, plane)| (format!("{prefix}{name}"), Fill::Denoised(n, plane)))
     }
 }
@@ -57,6 +61,8 @@ pub struct Targets {
     pub scalars: Vec<ChannelRef>,
     /// What stands before the names of the added channels: nothing, but in a file of several pictures.
     pub prefix: String,
+    /// Whether it is of a frame of a sequence.
+    pub frames: bool,
 }
 
 impl Targets {
@@ -96,6 +102,8 @@ pub enum DenoisedPlane {
     Radius,
     /// The models' mean rank.
     Rank,
+    /// The frames that a pixel is made of.
+    Frames,
 }
 
 impl DenoisedPlane {
@@ -109,12 +117,13 @@ impl DenoisedPlane {
             Self::Error => &row.error,
             Self::Radius => &row.radius,
             Self::Rank => &row.rank,
+            Self::Frames => &row.frames,
         }
     }
 
     /// Whether it is a channel that the input lacks.
     fn is_added(self) -> bool {
-        matches!(self, Self::Error | Self::Radius | Self::Rank)
+        matches!(self, Self::Error | Self::Radius | Self::Rank | Self::Frames)
     }
 }
 
@@ -194,7 +203,7 @@ impl Rewrite {
             let mut added = Vec::new();
             for (n, picture) in pictures.iter().enumerate() {
                 if picture.colour[0].part == part.index {
-                    added.extend(extra.channels(n, &picture.prefix));
+                    added.extend(extra.channels(n, picture));
                 }
             }
             output.rewrite(input, part, fills, added, marks);

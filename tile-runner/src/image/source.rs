@@ -51,6 +51,8 @@ pub struct ExrSource {
     layers_off: u64,
     /// What is read of motion: nothing where a frame is denoised alone.
     motion: MotionChannels,
+    /// The rows whose layers have been counted.
+    counted: Vec<bool>,
 }
 
 impl ExrSource {
@@ -106,6 +108,7 @@ impl ExrSource {
             samples: None,
             layers_off: 0,
             motion: MotionChannels::default(),
+            counted: vec![false; area.size.height()],
         };
         for at in source.channels() {
             source.planes.open(files, at, limit)?;
@@ -143,7 +146,7 @@ impl ExrSource {
         Ok(self)
     }
 
-    /// Pixels read so far whose layers do not sum to the colour, to the precision of half floats. 0 without layers.
+    /// Pixels read so far, each counted once, whose layers do not sum to the colour, to the precision of half floats. 0 without layers.
     pub fn layers_off(&self) -> u64 {
         self.layers_off
     }
@@ -217,7 +220,7 @@ impl RowSource for ExrSource {
                 row.samples.copy_from_slice(&planes.count);
             }
         }
-        if !self.layers.is_empty() {
+        if !self.layers.is_empty() && !std::mem::replace(&mut self.counted[y], true) {
             self.layers_off += count_off(row);
         }
         self.motion.read(&mut self.planes, y, row)?;

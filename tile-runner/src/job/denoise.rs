@@ -1,6 +1,6 @@
 //! One file denoised into another.
 
-use std::num::NonZeroUsize;
+use std::borrow::Cow;
 use std::ops::{ControlFlow, Range};
 use std::path::Path;
 use std::sync::Arc;
@@ -12,7 +12,7 @@ use linpred_core::Params;
 use crate::channels::presets::Role;
 use crate::error::Error;
 use crate::exr_file::attributes::{
-    INPUT_ATTRIBUTE, NOISE_ATTRIBUTE, OPTIONS_ATTRIBUTE, VERSION_ATTRIBUTE,
+    INPUT_ATTRIBUTE, NEIGHBOURS_ATTRIBUTE, NOISE_ATTRIBUTE, OPTIONS_ATTRIBUTE, VERSION_ATTRIBUTE,
 };
 use crate::exr_file::compression::SharedCodec;
 use crate::exr_file::output::check_output;
@@ -20,9 +20,9 @@ use crate::geometry::ImageSize;
 use crate::image::area::{Area, Placed, Unwrapped, Wrapped};
 use crate::image::rewrite::Rewrite;
 use crate::image::sink::ExrSink;
-use crate::image::source::ExrSource;
 use crate::job::band::{BandSink, BandSource};
-use crate::job::input::{Input, rewrite};
+use crate::job::helped_rows::{Broken, Help, HelpedRows};
+use crate::job::input::{Input, Neighbours, Unused, rewrite};
 use crate::job::memory;
 use crate::job::options::JobOptions;
 use crate::job::output_name::check_output_name;
@@ -41,13 +41,18 @@ pub struct Summary {
     pub clamped: u64,
     /// Of each picture, the pixels whose extra layers do not sum to the colour in the input (so they cannot in the output).
     pub layers_off: Vec<u64>,
+    /// Of each picture of a frame of a sequence, how the frames beside it helped.
+    pub help: Vec<Help>,
+    /// Frames beside it that did not help, as in [`Neighbours::unused`](super::Neighbours), and those that turned out on the way to be damaged.
+    pub unused: Vec<Unused>,
     /// Bytes of memory that the process had in use at most so far, where the system tells.
     pub peak_memory: Option<u64>,
 }
 
 /// Denoises the pictures of a file, as [`Input::open_all`] gives them, into `output`. `progress` is told how many of
 /// the [`rows_to_write`] have been; the job ends
-/// with [`Error::Cancelled`] soon after `stop` is set, and leaves nothing behind.
+/// with [`Error::Cancelled`] soon after `stop` is set, and leaves nothing behind. Where a frame that helps turns out to be damaged, the job begins anew without it and those
+/// beyond it, and tells so in [`Summary::unused`].
 ///
 /// [`Error::Usage`] if `output` has the name of another format (see [`check_output_name`]).
 pub fn denoise(
@@ -57,11 +62,36 @@ pub fn denoise(
     stop: &Arc<AtomicBool>,
     progress: &mut (dyn FnMut(usize) + Send),
 ) -> Result<Summary, Error> {
+    check_output_name(output)?;
+    let mut pictures = Cow::Borrowed(pictures);
+    loop {
+        let broken = Broken::default();
+        let done = denoise_with(&pictures, output, options, stop, progress, &broken);
+        // begun anew without the frame that cannot be read, so that every pixel is made in one way
+        let again = done.is_err()
+            && !stop.load(Ordering::Relaxed)
+            && broken.leave_out_of(pictures.to_mut());
+        if !again {
+            return done;
+        }
+    }
+}
+
+/// The same with the help of all frames that pictures name; an error of one of those is told to `broken`.
+fn denoise_with(
+    pictures: &[Input],
+    output: &Path,
+    options: &JobOptions,
+    stop: &Arc<AtomicBool>,
+    progress: &mut (dyn FnMut(usize) + Send),
+    broken: &Broken,
+) -> Result<Summary, Error> {
     let [input, ..] = pictures else {
         return Err(Error::Usage("no picture to denoise".into()));
     };
-    let inputs: Vec<&Path> = input.names.files().iter().map(|file| file.path()).collect();
-    check_output_name(output)?;
+    let files = std::iter::once(input).chain(input.helpers());
+    let files = files.flat_map(|input| input.names.files());
+    let inputs: Vec<&Path> = files.map(|file| file.path()).collect();
     check_output(output, &inputs)?;
     let mut rewrite = rewrite(pictures, options.extra, &marks(pictures, options)?)?;
     let (schedule, plan) = plan::schedule(pictures, &rewrite, options);
@@ -73,7 +103,9 @@ pub fn denoise(
     };
     let mut sources = Vec::new();
     for picture in pictures {
-        sources.push(Rows::of(picture, &rows, options.memory_limit)?);
+        let threads = schedule.threads_of_each(pictures.len());
+        let source = HelpedRows::of(picture, options.memory_limit, threads, broken)?;
+        sources.push(Rows::of(picture, source, &rows));
     }
     let mut sink = sink(input, output, rewrite, options, schedule, stop)?;
     let mut written = |sink: &mut ExrSink, picture: usize, y: usize, row: &OutputRow| {
@@ -100,6 +132,8 @@ pub fn denoise(
         reports,
         clamped: sink.finish()?,
         layers_off: sources.iter().map(Rows::layers_off).collect(),
+        help: sources.iter().filter_map(Rows::help).collect(),
+        unused: (input.neighbours.as_ref()).map_or(Vec::new(), |of| of.unused.clone()),
         peak_memory: memory::peak(),
     })
 }
@@ -141,7 +175,7 @@ fn sink(
 /// The rows of a picture that are to be written.
 struct Rows {
     /// What is computed; `None` if nothing was rendered in them.
-    source: Option<BandSource<Wrapped<ExrSource>>>,
+    source: Option<BandSource<Wrapped<HelpedRows>>>,
     /// The rows to be written of those that are computed.
     within: Range<usize>,
     /// Where they are in the rows to be written.
@@ -151,11 +185,13 @@ struct Rows {
     /// What is computed, before the ends of a panorama are put on.
     own_layout: RowLayout,
     wraps: bool,
+    /// Of a frame of a sequence, how many frames its pixels are made of.
+    frames: Option<Mean>,
 }
 
 impl Rows {
     /// The rows `wanted` of a picture's window.
-    fn of(picture: &Input, wanted: &Range<usize>, limit: u64) -> Result<Self, Error> {
+    fn of(picture: &Input, source: HelpedRows, wanted: &Range<usize>) -> Self {
         let Area { x, y, size } = picture.area;
         let wanted = wanted.start..wanted.end.min(picture.height());
         let first = wanted.start.max(y);
@@ -163,26 +199,29 @@ impl Rows {
         // a band is not empty
         let height = wanted.len().max(1);
         let window = ImageSize::new(picture.width(), height).unwrap_or(size);
-        let layout = picture.layout().with_size(window);
+        let frames = picture.neighbours.as_ref().map(|_| Mean::default());
+        let mut layout = picture.layout().with_size(window);
+        layout.frames = frames.is_some();
         let Some(own) = end
             .checked_sub(first)
             .and_then(|rows| ImageSize::new(size.width(), rows))
         else {
-            return Ok(Self {
+            return Self {
                 source: None,
                 within: 0..0,
                 area: Area::whole(window),
                 layout,
                 own_layout: layout,
                 wraps: false,
-            });
+                frames,
+            };
         };
         let own_layout = picture.layout().with_size(own);
         let rows = first - y..end - y;
-        let source = Wrapped::new(picture.source(limit)?, picture.wrap);
+        let source = Wrapped::new(source, picture.wrap);
         let source = BandSource::new(source, &rows);
         let above = source.first();
-        Ok(Self {
+        Self {
             source: Some(source),
             within: rows.start - above..rows.end - above,
             area: Area {
@@ -193,12 +232,26 @@ impl Rows {
             layout,
             own_layout,
             wraps: picture.wrap,
-        })
+            frames,
+        }
     }
 
     fn layers_off(&self) -> u64 {
         let source = self.source.as_ref();
         source.map_or(0, |source| source.inner().inner().layers_off())
+    }
+
+    /// How the frames beside it helped, of a frame of a sequence.
+    fn help(&self) -> Option<Help> {
+        let frames = self.frames?.value();
+        let source = self.source.as_ref();
+        let weights = source.map(|source| source.inner().inner().weights());
+        let [before, after] = weights.unwrap_or_default();
+        Some(Help {
+            frames,
+            before,
+            after,
+        })
     }
 
     /// Denoises them into `sink`, which takes rows from 0.
@@ -213,9 +266,49 @@ impl Rows {
             placed.write_empty(0, self.layout.size.height())?;
             return Ok(Report::default());
         };
-        let unwrapped = Unwrapped::new(placed, &self.own_layout, self.wraps);
+        let frames = &mut self.frames;
+        let counted = |y: usize, row: &OutputRow| match frames {
+            None => placed.write_row(y, row),
+            Some(mean) => write_counted(&mut placed, y, row, mean),
+        };
+        let unwrapped = Unwrapped::new(counted, &self.own_layout, self.wraps);
         let mut sink = BandSink::new(unwrapped, self.within.clone());
         run(source, &mut sink, params, schedule)
+    }
+}
+
+/// Passes on a row of a frame of a sequence, of which every pixel is made of that frame at least.
+fn write_counted(
+    sink: &mut impl RowSink,
+    y: usize,
+    row: &OutputRow,
+    mean: &mut Mean,
+) -> Result<(), Error> {
+    if !row.frames.is_empty() {
+        mean.add(&row.frames);
+        return sink.write_row(y, row);
+    }
+    let mut row = row.clone();
+    row.frames = vec![1.0; row.error.len()];
+    mean.add(&row.frames);
+    sink.write_row(y, &row)
+}
+
+/// A mean over pixels.
+#[derive(Clone, Copy, Debug, Default)]
+struct Mean {
+    sum: f64,
+    pixels: u64,
+}
+
+impl Mean {
+    fn add(&mut self, row: &[f32]) {
+        self.sum += row.iter().copied().map(f64::from).sum::<f64>();
+        self.pixels += row.len() as u64;
+    }
+
+    fn value(self) -> f64 {
+        self.sum / self.pixels.max(1) as f64
     }
 }
 
@@ -236,10 +329,8 @@ fn run_in_turns(
     schedule: Schedule,
     write: &mut dyn FnMut(usize, usize, &OutputRow) -> Result<(), Error>,
 ) -> Result<Vec<Report>, Error> {
-    let threads = schedule.threads.get() / pictures.len();
-    let threads = NonZeroUsize::new(threads).unwrap_or(NonZeroUsize::MIN);
     let schedule = Schedule {
-        threads,
+        threads: schedule.threads_of_each(pictures.len()),
         ..schedule
     };
     let heights: Vec<usize> = pictures
@@ -380,5 +471,26 @@ fn marks(pictures: &[Input], options: &JobOptions) -> Result<Vec<(&'static str, 
     if !noise.is_empty() {
         marks.push((NOISE_ATTRIBUTE, noise.join(", ")));
     }
+    if let Some(neighbours) = &first.neighbours {
+        marks.push((NEIGHBOURS_ATTRIBUTE, mark_of(neighbours)?));
+    }
     Ok(marks)
+}
+
+/// What the header says of the frames that helped.
+fn mark_of(neighbours: &Neighbours) -> Result<String, Error> {
+    let side = |frames: &[Input], which: &str| {
+        let checksums: Result<Vec<String>, Error> =
+            frames.iter().map(Input::fingerprints).collect();
+        let mut words = format!("{} {which}", frames.len());
+        for (n, checksum) in checksums?.iter().enumerate() {
+            words += &format!("{} {checksum}", if n == 0 { ":" } else { "," });
+        }
+        Ok(words)
+    };
+    let (before, after) = (
+        side(&neighbours.before, "before")?,
+        side(&neighbours.after, "after")?,
+    );
+    Ok(format!("{before}; {after}"))
 }

@@ -1,5 +1,6 @@
 //! An opened file whose channels have their roles.
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -105,6 +106,40 @@ pub struct Input {
     pub area: Area,
     /// Whether its windows wrap around its left and right ends.
     pub wrap: bool,
+    /// The frames that help it, if it is of a frame of a sequence (see [`open_frame`](super::open_frame)).
+    pub neighbours: Option<Neighbours>,
+}
+
+/// The frames beside that of a picture, as far as they can help it.
+#[derive(Clone, Debug, Default)]
+#[non_exhaustive]
+pub struct Neighbours {
+    /// The same picture of the frames before it, nearest first.
+    pub before: Vec<Input>,
+    /// The same picture of those after it, nearest first.
+    pub after: Vec<Input>,
+    /// Frames that were asked for and do not help, on each side the nearest: none beyond it does either.
+    pub unused: Vec<Unused>,
+}
+
+/// A frame that cannot help those beside it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Unused {
+    /// Its file.
+    pub path: PathBuf,
+    /// What is wrong with it.
+    pub why: String,
+}
+
+impl fmt::Display for Unused {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { path, why } = self;
+        let path = path.display();
+        write!(
+            f,
+            "{path} does not help the frames beside it, nor does any beyond it: {why}"
+        )
+    }
 }
 
 impl Input {
@@ -171,6 +206,7 @@ impl Input {
             Ok(Self {
                 area: Area::whole(size),
                 wrap: false,
+                neighbours: None,
                 names,
                 roles,
                 layers,
@@ -209,7 +245,17 @@ impl Input {
 
     /// What its rows hold, of what is denoised.
     pub fn layout(&self) -> RowLayout {
-        source::layout(&self.roles, self.area.size, &self.layers)
+        let alone = source::layout(&self.roles, self.area.size, &self.layers);
+        match self.helpers().next() {
+            Some(_) => alone.with_frames(),
+            None => alone,
+        }
+    }
+
+    /// The same picture of the frames that help it.
+    pub(crate) fn helpers(&self) -> impl Iterator<Item = &Self> {
+        let neighbours = self.neighbours.iter();
+        neighbours.flat_map(|of| of.before.iter().chain(&of.after))
     }
 
     /// What the pipeline's rows hold: those of a panorama are wider.
@@ -248,13 +294,20 @@ impl Input {
 
     /// What the rows of [`source_in_sequence`](Self::source_in_sequence) hold.
     pub fn layout_in_sequence(&self) -> RowLayout {
-        self.in_sequence().layout().with_motion(self.motion())
+        let Self { roles, layers, .. } = self.in_sequence();
+        source::layout(&roles, self.area.size, &layers).with_motion(self.motion())
     }
 
     /// A source of the rows of a frame of a sequence whose frames help each other: with what it says of motion, and without layers that are no light. Errors as those of
     /// [`ExrSource::new`].
     pub fn source_in_sequence(&self, limit: u64) -> Result<ExrSource, Error> {
         let source = self.in_sequence().source(limit)?;
+        source.with_motion(self.names.files(), &self.roles, limit)
+    }
+
+    /// A source of the rows of the frame that the others help: with what it says of motion, and everything that is denoised. Errors as those of [`ExrSource::new`].
+    pub(crate) fn source_to_help(&self, limit: u64) -> Result<ExrSource, Error> {
+        let source = self.source(limit)?;
         source.with_motion(self.names.files(), &self.roles, limit)
     }
 
@@ -274,6 +327,17 @@ impl Input {
             self.area,
             limit,
         )
+    }
+
+    /// Every channel that is read: of a frame of a sequence also those that say how it moves.
+    pub(crate) fn channels_to_read(&self) -> Vec<ChannelRef> {
+        let mut own = self.channels();
+        match (&self.neighbours, self.helpers().next()) {
+            (_, Some(_)) => own.extend(MotionChannels::of(&self.roles).all()),
+            (Some(_), None) => own = self.channels_in_sequence(),
+            (None, None) => {}
+        }
+        own
     }
 
     /// A sink for its denoised rows, into the file that [`denoise`](super::denoise) writes of a file with one picture.
@@ -335,6 +399,7 @@ impl Input {
                 .copied()
                 .collect(),
             prefix: if count > 1 { prefix } else { String::new() },
+            frames: self.neighbours.is_some(),
         }
     }
 }
@@ -364,10 +429,14 @@ pub enum Remark {
     Warning(String),
 }
 
-/// All there is to say before the pictures of a file are denoised: of each how it is read and what is odd about it, with its name where there are several; then what the
-/// output loses, and why it is stored in another way than the input.
+/// All there is to say before the pictures of a file are denoised: of each how it is read and what is odd about it, with its name where there are several; then which
+/// frames do not help it, what the output loses, and why it is stored in another way than the input.
 pub fn remarks(pictures: &[Input], extra: ExtraLayers) -> Result<Vec<Remark>, Error> {
     let mut remarks: Vec<Remark> = pictures.iter().flat_map(Input::remarks).collect();
+    // of every picture the same
+    let neighbours = pictures.first().and_then(|first| first.neighbours.as_ref());
+    let unused = neighbours.into_iter().flat_map(|of| &of.unused);
+    remarks.extend(unused.map(|frame| Remark::Warning(frame.to_string())));
     let of_output = rewrite(pictures, extra, &[])?.notes;
     remarks.extend(of_output.into_iter().map(Remark::Warning));
     Ok(remarks)

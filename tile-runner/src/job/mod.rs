@@ -20,11 +20,13 @@
 mod band;
 mod compare;
 mod denoise;
+mod helped_rows;
 mod input;
 mod inspect;
 mod look;
 mod memory;
 mod merge;
+mod neighbours;
 mod options;
 mod output_name;
 mod plan;
@@ -38,13 +40,15 @@ pub use compare::{
     tone_mapped, worst_places,
 };
 pub use denoise::{Summary, denoise, rows_to_write};
-pub use input::{Input, InputRequest, Remark, Wrap, only_picture, remarks};
+pub use helped_rows::Help;
+pub use input::{Input, InputRequest, Neighbours, Remark, Unused, Wrap, only_picture, remarks};
 pub use inspect::{Inspection, PartInfo, RoleInfo, describe, inspect, inspect_with, survey};
 pub use memory::{DEFAULT_MEMORY_LIMIT, MemoryPlan, check_memory, check_memory_of_map};
 pub use merge::{MergeRequest, Merged, Merging};
+pub use neighbours::{DEFAULT_REACH, FrameFiles, MOST_REACH, NeighbourFiles, open_frame};
 pub use options::JobOptions;
 pub use output_name::check_output_name;
 pub use plan::{Schedule, plan};
 pub use sample_map::{MAP_CHANNEL, plan_map, rows_to_measure, sample_map};
-pub use sequence::{Frame, FramePattern, frames, parse_frames};
+pub use sequence::{Frame, FramePattern, check_outputs, frames, frames_beside, parse_frames};
 pub use stitch::stitch;

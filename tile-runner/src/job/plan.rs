@@ -11,6 +11,7 @@ use crate::error::Error;
 use crate::exr_file::Part;
 use crate::exr_file::compression::{CODEC_AT_REST, chunks_while_coding, coded_at_once};
 use crate::image::rewrite::{Fill, Rewrite};
+use crate::image::source::ExrSource;
 use crate::job::input::{Input, rewrite};
 use crate::job::memory::MemoryPlan;
 use crate::job::options::JobOptions;
@@ -18,6 +19,7 @@ use crate::row::{InputRow, OutputRow};
 use crate::stream::overlap::ROWS_IN_FLIGHT;
 use crate::stream::pipeline::{self, Options};
 use crate::stream::survey;
+use crate::temporal::Temporal;
 
 /// The program itself, its tables and what the allocator keeps back (measured: 5 to 8 MiB).
 const PROGRAM: u64 = 10 << 20;
@@ -37,6 +39,12 @@ impl Schedule {
     /// Threads that compute, read and write.
     pub fn all_threads(self) -> usize {
         self.threads.get() + if self.rows_in_flight > 0 { 2 } else { 0 }
+    }
+
+    /// Threads that compute each of so many pictures, which are denoised side by side.
+    pub(super) fn threads_of_each(self, pictures: usize) -> NonZeroUsize {
+        let threads = NonZeroUsize::new(self.threads.get() / pictures);
+        threads.unwrap_or(NonZeroUsize::MIN)
     }
 }
 
@@ -100,9 +108,10 @@ fn schedules(threads: NonZeroUsize, at_once: bool) -> Vec<Schedule> {
 
 /// Whether every compression that is decoded or encoded allows it.
 fn may_code_at_once(pictures: &[Input], rewrite: &Rewrite) -> bool {
-    let read = pictures.iter().flat_map(|input| {
+    let helpers = pictures.iter().flat_map(Input::helpers);
+    let read = pictures.iter().chain(helpers).flat_map(|input| {
         let files = input.names.files();
-        let channels = input.channels().into_iter();
+        let channels = input.channels_to_read().into_iter();
         channels.map(|at| &files[at.file].parts()[at.part].header)
     });
     let written = rewrite.rewritten.iter().map(|part| &part.header);
@@ -129,8 +138,8 @@ pub(super) fn memory_plan(
     let written: Vec<&Part> = written.map(|part| &parts[part.index]).collect();
     add_coding(&mut plan, pictures, &written, schedule.codes_at_once);
     add_writing(&mut plan, first, rewrite);
-    let threads = schedule.threads.get() / pictures.len();
-    let threads = NonZeroUsize::new(threads).unwrap_or(NonZeroUsize::MIN);
+    let threads = schedule.threads_of_each(pictures.len());
+    add_neighbours(&mut plan, pictures, threads);
     for input in pictures {
         add_reading(&mut plan, input);
         let layout = input.computed_layout();
@@ -150,6 +159,29 @@ pub(super) fn memory_plan(
         }
     }
     plan
+}
+
+/// What the frames that help the pictures take: they are read like the pictures' own, each by a codec of its own, and what is found in them is kept for some rows.
+fn add_neighbours(plan: &mut MemoryPlan, pictures: &[Input], threads: NonZeroUsize) {
+    for picture in pictures {
+        let Some(of) = &picture.neighbours else {
+            continue;
+        };
+        for frame in picture.helpers() {
+            add_tables(plan, frame);
+            add_reading(plan, frame);
+            add_coding(plan, std::slice::from_ref(frame), &[], true);
+            plan.add("open files", CODEC_AT_REST);
+        }
+        let (before, after) = (of.before.len(), of.after.len());
+        if before + after > 0 {
+            let layout = picture.layout_in_sequence();
+            plan.add(
+                format!("following pixels through {before} frames before and {after} after"),
+                Temporal::<ExrSource>::bytes(&layout, before, after, threads),
+            );
+        }
+    }
 }
 
 /// What looking at some rows of `input` holds in memory, those of its halves beside its own.
@@ -235,7 +267,7 @@ pub(super) fn merge_plan(
 fn add_reading(plan: &mut MemoryPlan, input: &Input) {
     let files = input.names.files();
     let mut channels: BTreeMap<(usize, usize), BTreeSet<usize>> = BTreeMap::new();
-    for at in input.channels() {
+    for at in input.channels_to_read() {
         channels
             .entry((at.file, at.part))
             .or_default()
@@ -275,7 +307,7 @@ fn add_coding(plan: &mut MemoryPlan, pictures: &[Input], written: &[&Part], at_o
     };
     let files = first.names.files();
     let mut read: Vec<Vec<&Part>> = vec![Vec::new(); files.len()];
-    for at in pictures.iter().flat_map(Input::channels) {
+    for at in pictures.iter().flat_map(Input::channels_to_read) {
         read[at.file].push(&files[at.file].parts()[at.part]);
     }
     if !at_once {

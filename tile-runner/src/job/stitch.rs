@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::error::Error;
 use crate::exr_file::attributes::{
-    Attributes, INPUT_ATTRIBUTE, OPTIONS_ATTRIBUTE, VERSION_ATTRIBUTE,
+    Attributes, INPUT_ATTRIBUTE, NEIGHBOURS_ATTRIBUTE, OPTIONS_ATTRIBUTE, VERSION_ATTRIBUTE,
 };
 use crate::exr_file::grid::ChunkGrid;
 use crate::exr_file::output::check_output;
@@ -157,6 +157,7 @@ fn check_alike(first: &ExrFile, file: &ExrFile) -> Result<(), Error> {
         (VERSION_ATTRIBUTE, "were made by other versions of linpred"),
         (OPTIONS_ATTRIBUTE, "were made with other settings"),
         (INPUT_ATTRIBUTE, "were made of other inputs"),
+        (NEIGHBOURS_ATTRIBUTE, "were helped by other frames"),
     ] {
         if differs(name) {
             return Err(Error::Invalid(format!(

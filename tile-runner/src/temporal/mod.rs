@@ -20,6 +20,7 @@ mod search;
 mod side;
 mod track;
 
+use std::fmt::{self, Debug};
 use std::num::NonZeroUsize;
 
 use linpred_core::{MEASURED_PLANES, TEMPORAL_RADIUS};
@@ -61,6 +62,16 @@ pub struct Temporal<S> {
 struct OwnRow {
     input: InputRow,
     planes: Planes,
+}
+
+impl<S: Debug> Debug for Temporal<S> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let neighbours = self.sides.each_ref().map(|side| side.neighbours.len());
+        let mut told = f.debug_struct("Temporal");
+        told.field("own", &self.own)
+            .field("neighbours", &neighbours);
+        told.finish_non_exhaustive()
+    }
 }
 
 impl<S: RowSource> Temporal<S> {
@@ -110,6 +121,11 @@ impl<S: RowSource> Temporal<S> {
             instruction_set: InstructionSet::detect(),
             pixels: 0,
         })
+    }
+
+    /// The frame that is helped.
+    pub fn own(&self) -> &S {
+        &self.own
     }
 
     /// Bytes that it takes at most beside its sources, for frames of this layout with so many neighbours before and after.

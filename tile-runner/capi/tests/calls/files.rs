@@ -4,9 +4,11 @@ use std::ffi::{CString, c_char, c_void};
 use std::fs;
 use std::path::Path;
 use std::ptr::{null, null_mut};
+use std::sync::Arc;
 use std::thread::ThreadId;
 
 use exr::prelude::*;
+use linpred::job::{self, FrameFiles, InputRequest, JobOptions, NeighbourFiles};
 use linpred_c::linpred_status::*;
 use linpred_c::{linpred_denoise_file, linpred_file_options, linpred_status};
 
@@ -35,6 +37,10 @@ pub(crate) fn options() -> linpred_file_options {
         models_layer: 0,
         samples_per_pixel: 0,
         reserved: 0,
+        before: null(),
+        after: null(),
+        before_count: 0,
+        after_count: 0,
     }
 }
 
@@ -124,6 +130,74 @@ fn a_file_with_extra_layers_and_progress_in_this_thread() {
     assert_eq!(denoise(&host, &clean, &again, null()), LINPRED_OK);
     assert!(message(&host).contains("linpred"), "{}", message(&host));
     host.progress(None, null_mut()).ok();
+}
+
+#[test]
+fn frames_beside_an_image_help_as_in_the_job() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let names = ["a.exr", "b.exr", "c.exr"].map(path);
+    names.iter().for_each(|name| write_noise(name));
+    let [before, own, after] = &names;
+    let c = |path: &Path| CString::new(path.to_str().unwrap()).unwrap();
+    let (first, last, absent) = (c(before), c(after), c(&path("absent.exr")));
+    let (befores, afters) = ([first.as_ptr()], [absent.as_ptr(), last.as_ptr()]);
+    let host = Host::new();
+    let with = linpred_file_options {
+        before: befores.as_ptr(),
+        before_count: 1,
+        after: afters.as_ptr(),
+        after_count: 2,
+        ..options()
+    };
+    let clean = path("clean.exr");
+    assert_eq!(denoise(&host, own, &clean, &raw const with), LINPRED_OK);
+    assert!(
+        message(&host).contains("absent.exr does not help"),
+        "{}",
+        message(&host)
+    );
+
+    let file = |path: &Path| FrameFiles {
+        path: path.to_owned(),
+        other_half: None,
+    };
+    let files = NeighbourFiles {
+        before: vec![file(before)],
+        after: Vec::new(),
+    };
+    let pictures = job::open_frame(&InputRequest::new(own), &files).unwrap();
+    let (job, stop) = (path("job.exr"), Arc::default());
+    job::denoise(&pictures, &job, &JobOptions::default(), &stop, &mut |_| ()).unwrap();
+    assert!(fs::read(&clean).unwrap() == fs::read(&job).unwrap());
+
+    for (wrong, words) in [
+        (
+            linpred_file_options {
+                before: null(),
+                ..with
+            },
+            "before is NULL, and before_count is 1",
+        ),
+        (
+            linpred_file_options {
+                after_count: 9,
+                ..with
+            },
+            "after_count is 9; at most 8 frames help",
+        ),
+        (
+            linpred_file_options {
+                other_half: first.as_ptr(),
+                ..with
+            },
+            "whose other halves are not known",
+        ),
+    ] {
+        let is = denoise(&host, own, &clean, &raw const wrong);
+        assert_eq!(is, LINPRED_ERROR_ARGUMENT);
+        assert!(message(&host).contains(words), "{}", message(&host));
+    }
 }
 
 #[test]

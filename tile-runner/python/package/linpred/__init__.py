@@ -26,6 +26,7 @@ from __future__ import annotations
 from linpred._errors import InputError, InputWarning, SequenceError
 from linpred._files import (
     FileReport,
+    Help,
     Plan,
     compare,
     denoise_file,
@@ -42,6 +43,7 @@ __all__ = [
     "Denoised",
     "DenoisedRow",
     "FileReport",
+    "Help",
     "InputError",
     "InputWarning",
     "Plan",

@@ -12,9 +12,24 @@ from typing import Any, Callable, Iterable, Mapping
 from linpred import _linpred
 from linpred._errors import InputWarning, SequenceError
 from linpred._frames import Report
-from linpred._options import Path, computing, entries, flag, path_or_none, reading, size, whole, whole_or_none, writing
+from linpred._options import Path, computing, entries, flag, path_or_none, paths, reach, reading, size, whole, whole_or_none, writing
 from linpred._options import path as as_path
 from linpred._progress import Progress, as_function
+
+
+@dataclass(frozen=True)
+class Help:
+    """How a picture was helped by the frames beside its own.
+
+    Attributes:
+        frames: How many frames a pixel is made of, its own among them: the mean over what is denoised.
+        before: Of each frame before it that helped, nearest first, the mean weight of its pixels: 1 for those that are as good as the frame's own.
+        after: Of each frame after it, likewise.
+    """
+
+    frames: float
+    before: tuple[float, ...]
+    after: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -31,6 +46,8 @@ class FileReport:
         warnings: What is not as it should be; also raised as :class:`InputWarning`.
         clamped: Samples that half precision cannot hold, clamped to its largest value.
         layers_off: Pixels whose layers do not sum to the colour in the input, so they cannot in the output.
+        help: Of each picture of a frame of a sequence (``temporal``), how the frames beside it helped.
+        unused: Which of those did not help, and why.
     """
 
     input: str
@@ -42,6 +59,8 @@ class FileReport:
     warnings: tuple[str, ...] = ()
     clamped: int = 0
     layers_off: int = 0
+    help: tuple[Help, ...] = ()
+    unused: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -77,6 +96,9 @@ def denoise_file(
     threads: int | None = None,
     max_memory: int | str | None = None,
     frames: str | Iterable[int] | None = None,
+    temporal: bool | int = False,
+    before: Path | Iterable[Path] = (),
+    after: Path | Iterable[Path] = (),
     skip_existing: bool = False,
     band: str | None = None,
     progress: Progress = None,
@@ -95,9 +117,12 @@ def denoise_file(
         layers: More layers to denoise, ``["diffuse", "light_*"]``, with the models of the colour, so that they still sum up.
         wrap: Whether windows wrap around the left and right ends, as in a panorama: ``"auto"``, ``"x"`` or ``"none"``.
         error_layer: Adds the channel ``linpred.error``, the estimated mean squared error of each pixel.
-        models_layer: Adds ``linpred.radius`` and ``linpred.rank``.
+        models_layer: Adds ``linpred.radius`` and ``linpred.rank``, and with ``temporal`` ``linpred.frames``.
         max_memory: Bytes that may be used, or ``"256M"``; 2 GiB by default. A job that needs more is refused before it begins.
         frames: Of a sequence, ``"1-100x2,205"`` or numbers; those whose files exist by default.
+        temporal: Has the frames of a sequence help each other, so that they do not flicker: so many before and after each, 1 to 8, or True for 3.
+        before: Of a single image, the frames before it that help: ``"shot.####.exr"``, by the number in the image's name, or their files, nearest first.
+        after: The frames after it, likewise.
         skip_existing: Leaves frames alone whose output exists.
         band: ``"i/N"``: only the i-th of N bands of the image, for :func:`stitch`.
         progress: A function of (rows done, rows of all frames), called on this thread, or a ``tqdm`` bar. What it raises ends the run, which leaves
@@ -115,7 +140,8 @@ def denoise_file(
         KeyboardInterrupt: Ctrl-C was pressed; no output is left half-written.
 
     Warns:
-        InputWarning: Something about the file is not as it should be; before anything is written. Made an error by a filter, it is the frame's failure.
+        InputWarning: Something about the file is not as it should be; before anything is written. Made an error by a filter, it is the frame's failure. A frame that should
+            help and turns out on the way to be damaged is warned of once the file is written without it.
     """
     read = reading(input, preset, map, spp, other_half, layers, wrap, max_memory)
     write = writing(output, error_layer, models_layer, band)
@@ -124,14 +150,18 @@ def denoise_file(
     tell = as_function(progress)
     # what makes no sense for any frame is no fault of one
     _linpred.check(read, write, compute)
-    sequence = _linpred.frames(read, write["output"], _wanted(frames))
+    far, sides = reach(temporal), (paths("before", before), paths("after", after))
+    sequence = _linpred.frames(read, write["output"], _wanted(frames), far)
+    _check_sides(far, sides, sequence is None)
     if sequence is None:
+        if far is not None:
+            read["neighbours"] = _linpred.beside(read, *sides, far)
         return _one(read, write, compute, None, skip, _Told(tell, 1))
     reports: list[FileReport] = []
     failures: dict[int, Exception] = {}
     told = _Told(tell, len(sequence))
-    for number, path, half, out in sequence:
-        one, to = dict(read, path=path, other_half=half), dict(write, output=out)
+    for number, path, half, out, beside in sequence:
+        one, to = dict(read, path=path, other_half=half, neighbours=beside), dict(write, output=out)
         try:
             reports.append(_one(one, to, compute, number, skip, told))
         except (ValueError, OSError, MemoryError, InputWarning) as error:
@@ -142,6 +172,16 @@ def denoise_file(
     if failures:
         raise SequenceError(failures, reports)
     return reports
+
+
+def _check_sides(far: int | None, sides: tuple[list[str], list[str]], alone: bool) -> None:
+    """Refuses frames beside an image that nobody asks to help it, and help without any."""
+    if far is None and any(sides):
+        raise ValueError("before, after: they help only with temporal")
+    if not alone and any(sides):
+        raise ValueError("before, after: they are for a single image: the frames of a sequence find those beside them by their numbers")
+    if alone and far is not None and not any(sides):
+        raise ValueError("temporal: of a single image, before and after say which frames are beside it")
 
 
 def _wanted(frames: object) -> str | list[int] | None:
@@ -215,6 +255,8 @@ def _one(
         warnings=tuple(done["warnings"]),
         clamped=done["clamped"],
         layers_off=done["layers_off"],
+        help=tuple(Help(frames, tuple(before), tuple(after)) for frames, before, after in done["help"]),
+        unused=tuple(done["unused"]),
     )
 
 
@@ -234,13 +276,20 @@ def plan(
     models_layer: bool = False,
     threads: int | None = None,
     max_memory: int | str | None = None,
+    temporal: bool | int = False,
+    before: Path | Iterable[Path] = (),
+    after: Path | Iterable[Path] = (),
     band: str | None = None,
 ) -> Plan:
     """How :func:`denoise_file` would denoise a file, or the first frame of a sequence, from its header alone: what ``--dry-run`` prints. Raises what it would raise before it begins."""
     read = reading(input, preset, map, spp, other_half, layers, wrap, max_memory)
-    frames = _linpred.frames(read, read["path"], None)
+    far, sides = reach(temporal), (paths("before", before), paths("after", after))
+    frames = _linpred.frames(read, None, None, far)
+    _check_sides(far, sides, frames is None)
     if frames is not None:
-        _, read["path"], read["other_half"], _ = frames[0]
+        _, read["path"], read["other_half"], _, read["neighbours"] = frames[0]
+    elif far is not None:
+        read["neighbours"] = _linpred.beside(read, *sides, far)
     compute = computing(quality, coverage, formulas, threads)
     return Plan(*_linpred.plan(read, writing("", error_layer, models_layer, band), compute))
 

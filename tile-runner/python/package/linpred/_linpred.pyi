@@ -7,6 +7,7 @@ __all__ = [
     "InputError",
     "Rows",
     "VERSION",
+    "beside",
     "check",
     "compare",
     "denoise",
@@ -22,6 +23,9 @@ __all__ = [
 ]
 
 VERSION: str
+
+FrameFiles = tuple[str, str | None]
+Beside = tuple[list[FrameFiles], list[FrameFiles]]
 
 class InputError(ValueError): ...
 class Busy(RuntimeError): ...
@@ -39,8 +43,9 @@ def denoise(
     progress: Callable[[int, int], object] | None,
 ) -> tuple[dict[str, Any], dict[str, Any]]: ...
 def frames(
-    reading: dict[str, Any], output: str, wanted: str | Iterable[int] | None
-) -> list[tuple[int, str, str | None, str]] | None: ...
+    reading: dict[str, Any], output: str | None, wanted: str | Iterable[int] | None, temporal: int | None
+) -> list[tuple[int, str, str | None, str, Beside | None]] | None: ...
+def beside(reading: dict[str, Any], before: list[str], after: list[str], temporal: int) -> Beside: ...
 def denoise_file(
     reading: dict[str, Any],
     writing: dict[str, Any],

@@ -136,7 +136,24 @@ def reading(
         layers=strings("layers", layers),
         wrap=text("wrap", wrap),
         max_memory=size("max_memory", max_memory),
+        neighbours=None,
     )
+
+
+def reach(temporal: object) -> int | None:
+    """How many frames on each side may help; None for none."""
+    if temporal is None or isinstance(temporal, bool):
+        return 3 if temporal else None
+    return whole("temporal", temporal)
+
+
+def paths(name: str, value: object) -> list[str]:
+    """Several paths, or one."""
+    if isinstance(value, (str, bytes, os.PathLike)):
+        return [path(name, value)]
+    if not isinstance(value, Iterable):
+        raise _type(name, value, "a path, or a list of them")
+    return [path(name, one) for one in value]
 
 
 def entries(map: object) -> list[str]:
