@@ -108,14 +108,8 @@ impl ColourRow {
             let noisy = |c: usize| input.variance[c].iter().zip(&self.colour[c]);
             let channels = noisy(0).zip(noisy(1)).zip(noisy(2)).zip(&self.good);
             for (own, (((red, green), blue), good)) in self.variance.iter_mut().zip(channels) {
-                let pixel = [red, green, blue];
-                let checked = pixel.map(|(v, value)| checked_variance(*v, *value));
-                let unknown = pixel.iter().any(|(v, _)| !v.is_finite());
-                let sum = if unknown {
-                    f32::NAN
-                } else {
-                    unordered_sum(checked)
-                };
+                let pixel = [red, green, blue].map(|(variance, value)| [*variance, *value]);
+                let sum = sum_of_variances(pixel);
                 *own = if *good != 0.0 { sum } else { 0.0 };
             }
         }
@@ -241,6 +235,14 @@ fn checked_variance(variance: f32, value: f32) -> f32 {
         variance.clamp(0.0, LARGEST * LARGEST)
     } else {
         (value * value).min(LARGEST * LARGEST)
+    }
+}
+
+/// The sum of the variances of three channels, each with its value; NaN if one of them is not known.
+pub(crate) fn sum_of_variances(channels: [[f32; 2]; 3]) -> f32 {
+    match channels.iter().any(|[variance, _]| !variance.is_finite()) {
+        true => f32::NAN,
+        false => unordered_sum(channels.map(|[variance, value]| checked_variance(variance, value))),
     }
 }
 

@@ -32,6 +32,7 @@ use crate::row::{InputRow, Motion, RowLayout, RowSource, VarianceKind};
 use crate::stream::finish::planes::{Plane, padded_bytes};
 use crate::stream::instruction_set::InstructionSet;
 use crate::stream::row_ring::RowRing;
+use crate::stream::sum_of_variances;
 use crate::stream::threads::{Threads, pool, stack_bytes};
 use crate::temporal::held_frame::rows_held;
 use crate::temporal::neighbour::{Comparison, Neighbour};
@@ -251,7 +252,8 @@ impl<S: RowSource> Temporal<S> {
         let ([red, green, blue], [r, g, b]) = (&input.colour, &input.variance);
         for x in 0..light.len() {
             light[x] = (red[x] + green[x] + blue[x]) * (1.0 / 3.0);
-            variance[x] = r[x] + g[x] + b[x];
+            let channels = [[r[x], red[x]], [g[x], green[x]], [b[x], blue[x]]];
+            variance[x] = sum_of_variances(channels);
         }
         row.frames.fill(1.0);
         for side in &mut self.sides {
