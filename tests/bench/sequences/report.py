@@ -21,10 +21,10 @@ DRAWN = {
     "linpred --temporal": "#c0392b",
     "OIDN": "#2980b9",
     "LPR 6 on balanced": "#8e44ad",
-    "WLR twice": "#27ae60",
     "mean of denoised": "#b8860b",
+    "mean of noisy": "#27ae60",
 }
-"""Methods of the plot and their colours: more would not be told apart."""
+"""Methods of the plot and their colours. WLR flickers so much more that the others would not be told apart."""
 
 
 def replace(folder: Path, sequence: str, method: str, rows: list[tuple], failed: list[tuple]) -> None:
@@ -112,9 +112,9 @@ def plot(folder: Path) -> None:
             for method, colour in DRAWN.items():
                 drawn = [(frame, getattr(row, name)) for frame, row in figures.frames.get((sequence, method), [])]
                 panel.plot([x for x, _ in drawn], [y for _, y in drawn], "o-", color=colour, markersize=3, linewidth=1.2, label=method)
-            panel.grid(color="#dddddd", linewidth=0.5, which="both")
-            # flicker may be negative: less than the references' own noise
-            panel.set_yscale("log" if name == "gain" else "linear")
+            panel.grid(color="#dddddd", linewidth=0.5)
+            # flicker may come out negative
+            panel.set_ylim(bottom=min(0, panel.get_ylim()[0]))
         panels[0][column].set_title(sequence)
         panels[1][column].set_xlabel("frame")
     panels[0][0].set_ylabel("gain (more is better)")
