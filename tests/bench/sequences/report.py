@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import sys
 from pathlib import Path
 
@@ -91,7 +92,7 @@ def _of_sequence(figures: Figures, sequence: str, methods: list[str]) -> list[st
         else:
             row, seconds = figures.steady(sequence, method), figures.seconds[sequence, method]
             shown = f"{float(seconds):.2f}" if seconds else ""
-            ratio = f"{row.flicker / alone:.2f}"
+            ratio = "" if math.isnan(alone) else f"{row.flicker / alone:.2f}"
             lines.append(f"| {method} | {row.gain:.2f} | {row.psnr:.2f} | {row.energy:.3f} | {row.flicker:.5f} | {ratio} | {shown} |")
     return [*lines, ""]
 
