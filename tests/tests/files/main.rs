@@ -11,6 +11,7 @@ mod identifiers_are_kept;
 mod kept_as_they_are;
 mod maps_of_samples;
 mod merged_passes_are_all_samples;
+mod motion_leads_to_the_same_surface;
 mod roles_by_renderer;
 mod rows_find_their_channels;
 mod threads_change_no_bit;

@@ -4,6 +4,7 @@
 //! them; [`Roles`] is what comes of both, and of what a user asks for.
 
 pub(crate) mod identifiers;
+pub(crate) mod motion;
 pub(crate) mod names;
 pub(crate) mod presets;
 pub(crate) mod roles;

@@ -2,6 +2,7 @@
 
 use linpred_core::Feature;
 
+use crate::channels::motion::Axes;
 use crate::channels::variance::Meaning;
 
 /// A role that a layer can play.
@@ -31,11 +32,17 @@ pub enum Role {
     HalfB,
     /// Samples per pixel.
     Samples,
+    /// Where a surface was in the frame before.
+    Motion,
+    /// Where it is in the frame after.
+    MotionForward,
+    /// Where in the world it is.
+    Position,
 }
 
 impl Role {
     /// Every role.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 15] = [
         Self::Colour,
         Self::Alpha,
         Self::Albedo,
@@ -48,6 +55,9 @@ impl Role {
         Self::HalfA,
         Self::HalfB,
         Self::Samples,
+        Self::Motion,
+        Self::MotionForward,
+        Self::Position,
     ];
 
     /// Its name, in requests and descriptions.
@@ -65,6 +75,9 @@ impl Role {
             Self::HalfA => "half-a",
             Self::HalfB => "half-b",
             Self::Samples => "samples",
+            Self::Motion => "motion",
+            Self::MotionForward => "motion-forward",
+            Self::Position => "position",
         }
     }
 
@@ -87,6 +100,11 @@ impl Role {
         means.next().map(|[mean, _]| mean)
     }
 
+    /// Whether it tells where surfaces are in other frames, which only a sequence asks: a frame alone leaves its channels unread.
+    pub const fn is_of_motion(self) -> bool {
+        matches!(self, Self::Motion | Self::MotionForward | Self::Position)
+    }
+
     /// The components that its layer has, best first.
     pub(crate) const fn components(self) -> Components {
         match self {
@@ -96,7 +114,8 @@ impl Role {
             | Self::AlbedoVariance
             | Self::HalfA
             | Self::HalfB => Components::Colour,
-            Self::Normal | Self::NormalVariance => Components::Vector,
+            Self::Normal | Self::NormalVariance | Self::Position => Components::Vector,
+            Self::Motion | Self::MotionForward => Components::Pair,
             Self::Alpha | Self::Depth | Self::DepthVariance | Self::Samples => Components::Scalar,
         }
     }
@@ -107,16 +126,17 @@ impl Role {
 pub(crate) enum Components {
     Colour,
     Vector,
+    Pair,
     Scalar,
 }
 
 impl Components {
-    /// The spellings of three components, best first; empty for a scalar.
+    /// The spellings of three components, best first; empty for what has fewer.
     pub(crate) const fn triples(self) -> &'static [[&'static str; 3]] {
         match self {
             Self::Colour => &[["R", "G", "B"], ["red", "green", "blue"]],
             Self::Vector => &[["X", "Y", "Z"], ["R", "G", "B"], ["red", "green", "blue"]],
-            Self::Scalar => &[],
+            Self::Pair | Self::Scalar => &[],
         }
     }
 }
@@ -147,6 +167,8 @@ pub(crate) struct Rule {
     pub(crate) patterns: &'static [Pattern],
     /// What the numbers are, for the roles that are variances.
     pub(crate) meaning: Meaning,
+    /// Which components are the motion and how it becomes ours, for the roles that are motion vectors.
+    pub(crate) axes: Axes,
 }
 
 /// The names that one renderer uses.
@@ -220,8 +242,36 @@ const fn variance(role: Role, meaning: Meaning, patterns: &'static [Pattern]) ->
         role,
         patterns,
         meaning,
+        axes: Axes::OURS,
     }
 }
+
+/// A role of motion vectors that are stored by these axes.
+const fn vectors(role: Role, axes: Axes, patterns: &'static [Pattern]) -> Rule {
+    Rule {
+        role,
+        patterns,
+        meaning: Meaning::OfMean,
+        axes,
+    }
+}
+
+/// Cycles stores pixels to the right and up: in X and Y the place in the frame before less this one, in Z and W this one less the place in the frame after (kernel/geom/primitive.h,
+/// and as rendered frames warp onto each other).
+const CYCLES_BEFORE: Axes = Axes {
+    components: &[["X", "Y"]],
+    signs: [1.0, -1.0],
+};
+const CYCLES_AFTER: Axes = Axes {
+    components: &[["Z", "W"]],
+    signs: [-1.0, 1.0],
+};
+
+/// RenderMan's raster space has y down as ours has, and its vectors are colours or vectors of three components.
+const RASTER: Axes = Axes {
+    components: &[["X", "Y"], ["R", "G"]],
+    signs: [1.0, 1.0],
+};
 
 /// The renderers, with the names that their users see in files.
 const PRESETS: &[Preset] = &[
@@ -251,6 +301,9 @@ const PRESETS: &[Preset] = &[
             rule(Role::NormalVariance, &[Layer("Denoising Normal Variance")]),
             rule(Role::DepthVariance, &[Layer("Denoising Depth Variance")]),
             rule(Role::Samples, &[Layer("Debug Sample Count")]),
+            vectors(Role::Motion, CYCLES_BEFORE, &[Layer("Vector")]),
+            vectors(Role::MotionForward, CYCLES_AFTER, &[Layer("Vector")]),
+            rule(Role::Position, &[Layer("Position")]),
         ],
     },
     Preset {
@@ -272,6 +325,10 @@ const PRESETS: &[Preset] = &[
                 ],
             ),
             rule(Role::Depth, &[Layer("T"), Layer("depth")]),
+            rule(
+                Role::Position,
+                &[Layer("position"), Layer("pos"), Layer("pp"), Layer("P")],
+            ),
             variance(
                 Role::Variance,
                 Meaning::SecondMoment,
@@ -306,6 +363,8 @@ const PRESETS: &[Preset] = &[
             rule(Role::Normal, &[Layer("Ns"), Layer("N")]),
             rule(Role::Depth, &[Layer("Z")]),
             variance(Role::Variance, Meaning::OfSample, &[Layer("Variance")]),
+            // as the film's "coordinatesystem" has it, which the file does not tell
+            rule(Role::Position, &[Layer("P")]),
         ],
     },
     Preset {
@@ -339,6 +398,10 @@ const PRESETS: &[Preset] = &[
                 &[Layer("zfiltered_var")],
             ),
             rule(Role::Samples, &[Layer("sampleCount")]),
+            vectors(Role::Motion, RASTER, &[Layer("backward")]),
+            vectors(Role::MotionForward, RASTER, &[Layer("forward")]),
+            // its P is in the space of the camera
+            rule(Role::Position, &[Layer("__Pworld"), Layer("Pworld")]),
         ],
     },
     Preset {
@@ -359,6 +422,7 @@ const PRESETS: &[Preset] = &[
             rule(Role::Normal, &[Layer("N")]),
             rule(Role::Depth, &[Layer("Z")]),
             rule(Role::Variance, &[Layer("variance")]),
+            rule(Role::Position, &[Layer("P")]),
         ],
     },
     Preset {
@@ -465,5 +529,11 @@ pub(crate) const COMMON: Preset = Preset {
         rule(Role::HalfA, &[Layer("halfA")]),
         rule(Role::HalfB, &[Layer("halfB")]),
         rule(Role::Samples, &[Layer("sampleCount")]),
+        rule(Role::Motion, &[Layer("motion")]),
+        rule(Role::MotionForward, &[Layer("motionForward")]),
+        rule(
+            Role::Position,
+            &[Layer("P"), Layer("position"), Layer("Position")],
+        ),
     ],
 };

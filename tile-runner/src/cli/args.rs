@@ -179,7 +179,8 @@ pub(crate) struct InputArguments {
     pub(crate) preset: String,
     /// Give a role to a layer or channel; wins over the preset; 'none' leaves the role empty. Roles: colour, alpha, albedo, normal,
     /// depth, variance, sample-variance, second-moment, albedo-variance, normal-variance, depth-variance, half-a, half-b,
-    /// samples
+    /// samples; for --temporal motion (where a surface was in the frame before: two channels of pixels, right and down, with a minus before one that counts the other
+    /// way), motion-forward (in the frame after), position (in the world)
     #[arg(long, value_name = "ROLE=CHANNEL", value_parser = Mapping::parse)]
     pub(crate) map: Vec<Mapping>,
     /// Samples per pixel, where the file does not state them or states them wrongly

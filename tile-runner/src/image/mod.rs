@@ -3,6 +3,7 @@
 pub(crate) mod area;
 mod chunk;
 pub(crate) mod frame;
+pub(crate) mod motion;
 pub(crate) mod new_image;
 pub(crate) mod part_in_progress;
 pub(crate) mod rewrite;

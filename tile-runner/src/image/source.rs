@@ -12,6 +12,7 @@ use crate::error::Error;
 use crate::exr_file::{ExrFile, PartRows};
 use crate::geometry::ImageSize;
 use crate::image::area::Area;
+use crate::image::motion::MotionChannels;
 use exr::meta::attribute::IntegerBounds;
 use linpred_core::{FEATURES, Feature};
 
@@ -50,6 +51,8 @@ pub struct ExrSource {
     layers_off: u64,
     /// The rows whose layers have been counted.
     counted: Vec<bool>,
+    /// What is read of motion: nothing where a frame is denoised alone.
+    motion: MotionChannels,
 }
 
 impl ExrSource {
@@ -105,6 +108,7 @@ impl ExrSource {
             samples: None,
             layers_off: 0,
             counted: vec![false; area.size.height()],
+            motion: MotionChannels::default(),
         };
         for at in source.channels() {
             source.planes.open(files, at, limit)?;
@@ -123,6 +127,23 @@ impl ExrSource {
         self.layout.samples = true;
         self.samples = Some(count);
         self
+    }
+
+    /// Tells where the surfaces are in other frames, too, as far as the roles say. What is not finite, or beyond the data window of its part, is NaN.
+    ///
+    /// Errors as those of [`ExrSource::new`].
+    pub(crate) fn with_motion(
+        mut self,
+        files: &[Arc<ExrFile>],
+        roles: &Roles,
+        limit: u64,
+    ) -> Result<Self, Error> {
+        self.motion = MotionChannels::of(roles);
+        self.layout.motion = self.motion.layout();
+        for at in self.motion.all() {
+            self.planes.open(files, at, limit)?;
+        }
+        Ok(self)
     }
 
     /// Pixels read so far, each counted once, whose layers do not sum to the colour, to the precision of half floats. 0 without layers.
@@ -202,6 +223,7 @@ impl RowSource for ExrSource {
         if !self.layers.is_empty() && !std::mem::replace(&mut self.counted[y], true) {
             self.layers_off += count_off(row);
         }
+        self.motion.read(&mut self.planes, y, row)?;
         Ok(())
     }
 }
@@ -257,7 +279,7 @@ pub(crate) fn layout(roles: &Roles, size: ImageSize, layers: &[Layer]) -> RowLay
 
 /// The parts that are open, and rows to work in.
 #[derive(Debug)]
-struct Planes {
+pub(super) struct Planes {
     parts: BTreeMap<(usize, usize), OpenPart>,
     area: Area,
     /// The top left corner of the colour's data window.
@@ -301,7 +323,7 @@ impl Planes {
     }
 
     /// Reads row `y` of the area from a channel; what lies beyond the channel's data window is NaN.
-    fn plane(&mut self, at: ChannelRef, y: usize, out: &mut [f32]) -> Result<(), Error> {
+    pub(super) fn plane(&mut self, at: ChannelRef, y: usize, out: &mut [f32]) -> Result<(), Error> {
         let part = self
             .parts
             .get_mut(&(at.file, at.part))

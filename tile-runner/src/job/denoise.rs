@@ -422,7 +422,10 @@ fn marks(pictures: &[Input], options: &JobOptions) -> Result<Vec<(&'static str, 
     let params = &options.pipeline.params;
     let roles = pictures.iter().flat_map(|picture| {
         let assigned = picture.roles.assignments.iter();
-        assigned.map(|a| {
+        // what a frame alone does not read has no part in its output
+        let is_helped = picture.helpers().next().is_some();
+        let read = assigned.filter(move |a| is_helped || !a.role.is_of_motion());
+        read.map(|a| {
             let names: Vec<String> = a
                 .channels
                 .iter()

@@ -149,7 +149,7 @@ impl FrameRows {
         place: Option<Place>,
         broken: &Broken,
     ) -> Result<Self, Error> {
-        let source = picture.source_in_sequence(limit);
+        let source = picture.source_with_motion(limit);
         if let (Err(error), Some(place)) = (&source, place) {
             broken.tell(place, error);
         }

@@ -14,12 +14,13 @@ use crate::exr_file::ExrFile;
 use crate::exr_file::compression::SharedCodec;
 use crate::geometry::ImageSize;
 use crate::image::area::{Area, wrapped_layout};
+use crate::image::motion::MotionChannels;
 use crate::image::rewrite::{ExtraLayers, Rewrite, Targets};
 use crate::image::sink::ExrSink;
 use crate::image::source::{self, ExrSource};
 use crate::job::look::look;
 use crate::job::memory::DEFAULT_MEMORY_LIMIT;
-use crate::row::RowLayout;
+use crate::row::{Motion, RowLayout};
 
 /// Whether the windows of a picture wrap around its left and right ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -246,14 +247,9 @@ impl Input {
     pub fn layout(&self) -> RowLayout {
         let alone = source::layout(&self.roles, self.area.size, &self.layers);
         match self.helpers().next() {
-            Some(_) => self.layout_in_sequence().with_frames(),
+            Some(_) => alone.with_motion(self.motion()).with_frames(),
             None => alone,
         }
-    }
-
-    /// What its rows hold, with what they say of motion.
-    pub(crate) fn layout_in_sequence(&self) -> RowLayout {
-        source::layout(&self.roles, self.area.size, &self.layers)
     }
 
     /// The same picture of the frames that help it.
@@ -270,16 +266,53 @@ impl Input {
         }
     }
 
-    /// Every channel that is read.
+    /// Every channel that is read where the frame is denoised alone.
     pub fn channels(&self) -> Vec<ChannelRef> {
-        let assigned = self.roles.assignments.iter().flat_map(|a| &a.channels);
-        let mut all: Vec<ChannelRef> = assigned.copied().collect();
+        let assigned = self.roles.assignments.iter();
+        let assigned = assigned.filter(|a| !a.role.is_of_motion());
+        let mut all: Vec<ChannelRef> = assigned.flat_map(|a| &a.channels).copied().collect();
         for layer in &self.layers {
             all.extend(layer.channels.iter().copied());
             all.extend(layer.variance.channels());
         }
         all.extend(self.roles.variance.channels());
         all
+    }
+
+    /// What it says of where its surfaces are in the frames beside it.
+    pub fn motion(&self) -> Motion {
+        MotionChannels::of(&self.roles).layout()
+    }
+
+    /// Every channel that is read where the frame is one of a sequence whose frames help each other: those that tell of motion are added, and layers that are no light,
+    /// which are not averaged over frames, left out.
+    pub fn channels_in_sequence(&self) -> Vec<ChannelRef> {
+        let mut all = self.in_sequence().channels();
+        all.extend(MotionChannels::of(&self.roles).all());
+        all
+    }
+
+    /// What the rows of [`source_in_sequence`](Self::source_in_sequence) hold.
+    pub fn layout_in_sequence(&self) -> RowLayout {
+        self.in_sequence().layout().with_motion(self.motion())
+    }
+
+    /// A source of the rows of a frame of a sequence whose frames help each other: with what it says of motion, and without layers that are no light. Errors as those of
+    /// [`ExrSource::new`].
+    pub fn source_in_sequence(&self, limit: u64) -> Result<ExrSource, Error> {
+        self.in_sequence().source_with_motion(limit)
+    }
+
+    /// As a frame that helps others: without layers that are no light, and without help.
+    pub(super) fn in_sequence(&self) -> Self {
+        let light = self.layers.iter().filter(|layer| layer.is_light);
+        Self {
+            names: self.names.clone(),
+            roles: self.roles.clone(),
+            layers: light.cloned().collect(),
+            neighbours: Some(Neighbours::default()),
+            ..*self
+        }
     }
 
     /// A source of the rows of what is denoised (see [`ExrSource::new`]).
@@ -293,22 +326,19 @@ impl Input {
         )
     }
 
-    /// A source of the rows of a frame of a sequence.
-    pub(crate) fn source_in_sequence(&self, limit: u64) -> Result<ExrSource, Error> {
-        self.source(limit)
+    /// The same with what the frame says of motion, for one that others help.
+    pub(crate) fn source_with_motion(&self, limit: u64) -> Result<ExrSource, Error> {
+        let source = self.source(limit)?;
+        source.with_motion(self.names.files(), &self.roles, limit)
     }
 
-    /// Every channel that is read of a frame of a sequence.
-    pub(crate) fn channels_in_sequence(&self) -> Vec<ChannelRef> {
-        self.channels()
-    }
-
-    /// Every channel that is read: of a frame of a sequence also those that say how it moves.
+    /// Every channel that is read: of a frame of a sequence also those that tell of motion.
     pub(crate) fn channels_to_read(&self) -> Vec<ChannelRef> {
-        match self.neighbours {
-            Some(_) => self.channels_in_sequence(),
-            None => self.channels(),
+        let mut all = self.channels();
+        if self.neighbours.is_some() {
+            all.extend(MotionChannels::of(&self.roles).all());
         }
+        all
     }
 
     /// A sink for its denoised rows, into the file that [`denoise`](super::denoise) writes of a file with one picture.

@@ -7,6 +7,7 @@ use std::ops::ControlFlow;
 use linpred_core::Feature;
 
 use crate::channels::names::ChannelRef;
+use crate::channels::presets::Role;
 use crate::channels::roles::Roles;
 use crate::channels::variance::Variance;
 use crate::error::Error;
@@ -67,6 +68,8 @@ pub struct Inspection {
     pub samples: Option<String>,
     /// Where the variance comes from.
     pub variance: Option<String>,
+    /// How what it shows would be found in the frames beside it.
+    pub motion: Option<String>,
     /// Features that are missing.
     pub missing: Vec<String>,
     /// Channels that play no role and stay as they are.
@@ -195,6 +198,7 @@ fn describe_picture(input: &Input) -> Inspection {
         roles: role_infos(input),
         samples: roles.samples.as_ref().map(ToString::to_string),
         variance: Some(variance_in_words(roles)),
+        motion: Some(motion_in_words(input)),
         missing: Feature::ALL
             .into_iter()
             .filter(|feature| roles.feature(*feature).is_none())
@@ -272,6 +276,30 @@ fn variance_in_words(roles: &Roles) -> String {
         }
         Variance::None => "estimated from the picture".into(),
     }
+}
+
+/// How what a frame shows would be found in the frames beside it.
+fn motion_in_words(input: &Input) -> String {
+    let names = |role| {
+        let assignment = input.roles.assignment(role);
+        let channels = assignment.into_iter().flat_map(|a| &a.channels);
+        channels
+            .map(|at| input.names.name(*at))
+            .collect::<Vec<String>>()
+    };
+    let motion = input.motion();
+    let frames = match (motion.backward, motion.forward) {
+        (true, true) => "the frame before and after",
+        (true, false) => "the frame before",
+        (false, true) => "the frame after",
+        (false, false) if motion.position => {
+            let position = names(Role::Position).join(", ");
+            return format!("world position ({position}), by search");
+        }
+        (false, false) => return "none in the file, taken for still".into(),
+    };
+    let vectors = [names(Role::Motion), names(Role::MotionForward)].concat();
+    format!("vectors ({}), {frames}", vectors.join(", "))
 }
 
 fn part_info(part: &Part, passed_through: bool) -> PartInfo {
@@ -385,6 +413,9 @@ impl Inspection {
                 "  samples per pixel {}",
                 self.samples.as_deref().unwrap_or("not stated")
             )?;
+        }
+        if let Some(motion) = &self.motion {
+            writeln!(f, "  motion            {motion}")?;
         }
         if !self.missing.is_empty() {
             writeln!(

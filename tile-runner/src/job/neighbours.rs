@@ -134,10 +134,10 @@ fn open(
         return Err("it has other pictures (views, view layers)".into());
     }
     for (own, other) in pictures.iter().zip(&mut others) {
+        *other = other.in_sequence();
         // pixels are followed from one to the other: both are read where the frame itself is
         other.area = own.area;
-        other.neighbours = Some(Neighbours::default());
-        check_alike(own, other)?;
+        check_alike(&own.in_sequence(), other)?;
     }
     Ok(others)
 }
@@ -173,7 +173,8 @@ fn check_alike(own: &Input, other: &Input) -> Result<(), String> {
             names(own).join(" ")
         ));
     }
-    match difference(&own.layout_in_sequence(), &other.layout_in_sequence()) {
+    let layout = |input: &Input| input.layout().with_motion(input.motion());
+    match difference(&layout(own), &layout(other)) {
         Some(what) => Err(format!("it has {what}")),
         None => Ok(()),
     }

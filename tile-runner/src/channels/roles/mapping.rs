@@ -11,7 +11,7 @@ pub struct Mapping {
     pub role: Role,
     /// What a variance layer holds; [`Meaning::OfMean`] for other roles.
     pub meaning: Meaning,
-    /// A layer, a channel, three channels joined by commas, or `none`.
+    /// A layer, a channel, two or three channels joined by commas, or `none`. Before a component of a motion vector a minus turns it round.
     pub target: String,
 }
 

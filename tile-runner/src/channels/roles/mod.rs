@@ -13,6 +13,7 @@ use std::sync::Arc;
 use exr::meta::attribute::IntegerBounds;
 use linpred_core::Feature;
 
+use crate::channels::motion::Axes;
 use crate::channels::names::{ChannelNames, ChannelRef};
 use crate::channels::presets::{COMMON, Preset, Role};
 use crate::channels::samples::{self, Samples};
@@ -39,10 +40,12 @@ pub struct RoleRequest {
 pub struct Assignment {
     /// The role.
     pub role: Role,
-    /// One channel, or three; red green blue, or x y z.
+    /// One channel, two or three; red green blue, or x y z.
     pub channels: Vec<ChannelRef>,
     /// What they hold, for variances.
     pub meaning: Meaning,
+    /// 1, or -1 for a channel that counts the other way than ours do, for motion vectors.
+    pub signs: [f32; 2],
     /// Why these.
     pub rule: String,
     /// Whether the user mapped them.
@@ -260,7 +263,9 @@ impl<'a> Search<'a> {
         }
         let (ruled, refused) = self.ruled(role);
         // what stands in for a layer that is there is worth a word, and what nothing stands in for more
-        self.warnings.extend(refused);
+        if let Some(refused) = refused {
+            self.warn(role, refused);
+        }
         match ruled {
             Some(assignment) => self.found.push(assignment),
             None if role == Role::Colour => {
@@ -275,11 +280,20 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
+    /// Warns of channels in a role; of those that a frame alone does not read there is only a note.
+    fn warn(&mut self, role: Role, problem: String) {
+        match role.is_of_motion() {
+            true => self.notes.push(problem),
+            false => self.warnings.push(problem),
+        }
+    }
+
     /// What the presets' rules find for a role, and why what they would rather have cannot be used.
     fn ruled(&self, role: Role) -> (Option<Assignment>, Option<String>) {
         let mut refused = None;
         for (preset, why) in &self.presets {
             let rules = preset.rules.iter().filter(|rule| rule.role == role);
+            let own_names = role.is_of_motion() && rules.clone().next().is_some();
             for (rule, pattern) in
                 rules.flat_map(|rule| rule.patterns.iter().map(move |p| (rule, *p)))
             {
@@ -297,10 +311,15 @@ impl<'a> Search<'a> {
                     role,
                     channels,
                     meaning: rule.meaning,
+                    signs: rule.axes.signs,
                     rule: format!("{why}: {which}"),
                     by_user: false,
                 };
                 return (Some(assignment), refused);
+            }
+            // what other renderers call a position is in another space in this one
+            if own_names {
+                break;
             }
         }
         (None, refused)
@@ -329,6 +348,7 @@ impl<'a> Search<'a> {
             role: Role::Alpha,
             channels: vec![alpha],
             meaning: Meaning::OfMean,
+            signs: Axes::OURS.signs,
             rule: "of the colour's layer".into(),
             by_user: false,
         })
@@ -357,15 +377,12 @@ impl<'a> Search<'a> {
             }
             if overlaps {
                 if !own.contains(colour) {
-                    self.warnings.push(format!(
-                        "{} is not known everywhere: {differs}",
-                        role.name()
-                    ));
+                    let problem = format!("{} is not known everywhere: {differs}", role.name());
+                    self.warn(role, problem);
                 }
                 kept.push(assignment);
             } else {
-                self.warnings
-                    .push(format!("{} not used: {differs}", role.name()));
+                self.warn(role, format!("{} not used: {differs}", role.name()));
             }
         }
         self.found = kept;

@@ -2,6 +2,7 @@
 
 use super::{Assignment, Mapping, Search};
 use crate::channels::identifiers::is_identifier;
+use crate::channels::motion::Axes;
 use crate::channels::names::{ChannelRef, is_no_picture};
 use crate::channels::presets::{Components, MOMENT, Pattern, Preset, Role, Rule};
 use crate::channels::variance::Meaning;
@@ -11,6 +12,9 @@ impl<'a> Search<'a> {
     pub(super) fn mapped(&self, mapping: &Mapping) -> Result<Assignment, Error> {
         let target = mapping.target.as_str();
         let components = mapping.role.components();
+        if components == Components::Pair {
+            return self.mapped_vector(mapping);
+        }
         let joined: Option<Vec<ChannelRef>> = target
             .split(',')
             .map(|name| self.names.channel(0, name.trim()))
@@ -29,6 +33,36 @@ impl<'a> Search<'a> {
             role: mapping.role,
             channels,
             meaning: mapping.meaning,
+            signs: Axes::OURS.signs,
+            rule: format!("mapped to {target}"),
+            by_user: true,
+        })
+    }
+
+    /// A motion vector: two channels, or a layer with X and Y. What has a minus before it counts the other way than ours: `vel.X,-vel.Y` is up.
+    fn mapped_vector(&self, mapping: &Mapping) -> Result<Assignment, Error> {
+        let target = mapping.target.as_str();
+        let signed = |name: &str| {
+            let name = name.trim();
+            let turned = name.strip_prefix('-');
+            let turned = turned.and_then(|name| Some((self.names.channel(0, name)?, -1.0)));
+            let plain = self.names.channel(0, name).map(|at| (at, 1.0));
+            plain.or(turned)
+        };
+        let joined: Option<Vec<(ChannelRef, f32)>> = target.split(',').map(signed).collect();
+        let found = match joined.as_deref() {
+            Some(&[(x, right), (y, down)]) => Some((vec![x, y], [right, down])),
+            _ => {
+                let layer = self.vector(target, Axes::OURS);
+                layer.map(|channels| (channels, Axes::OURS.signs))
+            }
+        };
+        let (channels, signs) = found.ok_or_else(|| self.unknown_target(mapping))?;
+        Ok(Assignment {
+            role: mapping.role,
+            channels,
+            meaning: mapping.meaning,
+            signs,
             rule: format!("mapped to {target}"),
             by_user: true,
         })
@@ -42,6 +76,9 @@ impl<'a> Search<'a> {
                 "a layer with channels R G B, a channel, or three channels joined by commas"
             }
             Components::Vector => "a layer with channels X Y Z, or three channels joined by commas",
+            Components::Pair => {
+                "a layer with channels X Y, or two channels joined by a comma, with a minus before one that counts to the left or up"
+            }
         };
         let target = mapping.target.as_str();
         let inside = self.names.in_file(0).filter(|name| name.layer == target);
@@ -102,6 +139,20 @@ impl<'a> Search<'a> {
             .map(Vec::from)
     }
 
+    /// The channels of a layer that are a motion vector by these axes.
+    fn vector(&self, layer: &str, axes: Axes) -> Option<Vec<ChannelRef>> {
+        let channels = self.names.components(0, layer, axes.components);
+        channels.map(Vec::from)
+    }
+
+    /// The channels of a layer that a rule takes.
+    fn ruled_channels(&self, rule: &Rule, layer: &str) -> Option<Vec<ChannelRef>> {
+        match rule.role.components() {
+            Components::Pair => self.vector(layer, rule.axes),
+            components => self.layer(layer, components),
+        }
+    }
+
     pub(super) fn matched(
         &self,
         rule: &Rule,
@@ -110,7 +161,7 @@ impl<'a> Search<'a> {
         let components = rule.role.components();
         match pattern {
             Pattern::Layer(wanted) => {
-                let layer = self.find_layer(rule.role, wanted, components)?;
+                let layer = self.find_layer(rule, wanted)?;
                 Some((layer.1, describe_layer(&layer.0)))
             }
             Pattern::Prefixed(prefix) => {
@@ -141,12 +192,9 @@ impl<'a> Search<'a> {
 
     /// The first layer called `wanted`, or ending in `.wanted`, with these components. Once the colour is known to lie in
     /// `ViewLayer.`, so must the rest: another view layer shows other objects.
-    fn find_layer(
-        &self,
-        role: Role,
-        wanted: &str,
-        components: Components,
-    ) -> Option<(String, Vec<ChannelRef>)> {
+    fn find_layer(&self, rule: &Rule, wanted: &str) -> Option<(String, Vec<ChannelRef>)> {
+        let role = rule.role;
+        let components = role.components();
         let prefix = match (role, &self.prefix) {
             (Role::Colour, prefix) => prefix.as_deref().unwrap_or_default(),
             _ => self.colour_prefix(),
@@ -165,7 +213,7 @@ impl<'a> Search<'a> {
         let by_layer = layers
             .iter()
             .filter(|layer| called(layer))
-            .find_map(|layer| Some(((*layer).to_owned(), self.layer(layer, components)?)));
+            .find_map(|layer| Some(((*layer).to_owned(), self.ruled_channels(rule, layer)?)));
         if by_layer.is_some() || components != Components::Scalar {
             return by_layer;
         }
@@ -381,6 +429,7 @@ fn colour(channels: Vec<ChannelRef>, rule: String) -> Assignment {
         role: Role::Colour,
         channels,
         meaning: Meaning::OfMean,
+        signs: Axes::OURS.signs,
         rule,
         by_user: false,
     }

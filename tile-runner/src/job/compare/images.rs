@@ -292,6 +292,7 @@ fn with_own_variance(mut input: Input) -> Input {
             role: Role::Variance,
             channels: channels.to_vec(),
             meaning,
+            signs: [1.0; 2],
             rule: "the reference's own".into(),
             by_user: false,
         });
