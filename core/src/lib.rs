@@ -78,6 +78,7 @@ mod lanes;
 mod least_squares;
 mod params;
 mod sampling;
+mod temporal;
 mod tile;
 
 pub use blend::{Denoised, LayerTile, Predictions, Sum, resolve, resolve_layer, resolve_scalar};
@@ -110,6 +111,10 @@ pub use least_squares::prior::Prior;
 pub use least_squares::rls::{Rls, Taken};
 pub use params::{Formulas, Params, Quality};
 pub use sampling::{Sampler, pixel_hash};
+pub use temporal::{
+    Averaged, COMPARED_PLANES, DEPTH_CHANGE, FrameRow, MEASURED_PLANES, TEMPORAL_RADIUS,
+    TEMPORAL_SPAN, average_frames, compare_frames, measure_frame, weigh_frames,
+};
 pub use tile::{
     CELL, CHANNELS, FeatureSet, HALO, OtherFeatures, Pixel, PixelState, RADIUS, SETS, TILE,
     TILE_AREA, Tile, WINDOW_AREA,

@@ -13,9 +13,9 @@ pub(crate) mod smooth;
 use crate::block::plane::columns;
 
 /// Columns that are worked on at a time: whole registers of 4, 8 or 16 floats.
-const RUN: usize = 64;
+pub(crate) const RUN: usize = 64;
 /// Those columns of a row.
-type Run = [f32; RUN];
+pub(crate) type Run = [f32; RUN];
 
 /// Columns of a plane before the image's first and after its last run.
 pub const FINISH_PADDING: usize = 16;
@@ -31,20 +31,20 @@ pub const fn finish_columns(width: usize) -> usize {
 
 /// Where the runs of a plane of this many columns begin.
 #[inline(always)]
-fn runs(columns: usize) -> impl Iterator<Item = usize> {
+pub(crate) fn runs(columns: usize) -> impl Iterator<Item = usize> {
     let end = columns.saturating_sub(2 * FINISH_PADDING) + FINISH_PADDING;
     (FINISH_PADDING..end).step_by(RUN)
 }
 
 /// The run that begins at column `first` of a plane.
 #[inline(always)]
-fn run(plane: &[f32], first: usize) -> &Run {
+pub(crate) fn run(plane: &[f32], first: usize) -> &Run {
     columns(plane, first)
 }
 
 /// Stores a run at column `first` of a plane.
 #[inline(always)]
-fn store(plane: &mut [f32], first: usize, values: &Run) {
+pub(crate) fn store(plane: &mut [f32], first: usize, values: &Run) {
     let target = plane.get_mut(first..).and_then(<[f32]>::first_chunk_mut);
     debug_assert!(target.is_some(), "a run at {first}");
     if let Some(target) = target {

@@ -49,10 +49,10 @@ pub struct ExrSource {
     /// Samples of each pixel, if a channel has them or they are wanted.
     samples: Option<Count>,
     layers_off: u64,
-    /// The rows whose layers have been counted.
-    counted: Vec<bool>,
     /// What is read of motion: nothing where a frame is denoised alone.
     motion: MotionChannels,
+    /// The rows whose layers have been counted.
+    counted: Vec<bool>,
 }
 
 impl ExrSource {
@@ -107,8 +107,8 @@ impl ExrSource {
             scalars: plain.into_iter().map(channels).collect(),
             samples: None,
             layers_off: 0,
-            counted: vec![false; area.size.height()],
             motion: MotionChannels::default(),
+            counted: vec![false; area.size.height()],
         };
         for at in source.channels() {
             source.planes.open(files, at, limit)?;

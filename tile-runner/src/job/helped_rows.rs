@@ -149,7 +149,10 @@ impl FrameRows {
         place: Option<Place>,
         broken: &Broken,
     ) -> Result<Self, Error> {
-        let source = picture.source_with_motion(limit);
+        let source = match place {
+            Some(_) => picture.source_in_sequence(limit),
+            None => picture.source_to_help(limit),
+        };
         if let (Err(error), Some(place)) = (&source, place) {
             broken.tell(place, error);
         }

@@ -247,7 +247,7 @@ impl Input {
     pub fn layout(&self) -> RowLayout {
         let alone = source::layout(&self.roles, self.area.size, &self.layers);
         match self.helpers().next() {
-            Some(_) => alone.with_motion(self.motion()).with_frames(),
+            Some(_) => alone.with_frames(),
             None => alone,
         }
     }
@@ -294,7 +294,8 @@ impl Input {
 
     /// What the rows of [`source_in_sequence`](Self::source_in_sequence) hold.
     pub fn layout_in_sequence(&self) -> RowLayout {
-        self.in_sequence().layout().with_motion(self.motion())
+        let Self { roles, layers, .. } = self.in_sequence();
+        source::layout(&roles, self.area.size, &layers).with_motion(self.motion())
     }
 
     /// A source of the rows of a frame of a sequence whose frames help each other: with what it says of motion, and without layers that are no light. Errors as those of
@@ -303,16 +304,17 @@ impl Input {
         self.in_sequence().source_with_motion(limit)
     }
 
-    /// As a frame that helps others: without layers that are no light, and without help.
-    pub(super) fn in_sequence(&self) -> Self {
-        let light = self.layers.iter().filter(|layer| layer.is_light);
-        Self {
-            names: self.names.clone(),
-            roles: self.roles.clone(),
-            layers: light.cloned().collect(),
-            neighbours: Some(Neighbours::default()),
-            ..*self
-        }
+    /// A source of the rows of the frame that the others help: with what it says of motion, and everything that is denoised. Errors as those of [`ExrSource::new`].
+    pub(crate) fn source_to_help(&self, limit: u64) -> Result<ExrSource, Error> {
+        let source = self.source(limit)?;
+        source.with_motion(self.names.files(), &self.roles, limit)
+    }
+
+    /// The same without layers that are no light.
+    fn in_sequence(&self) -> Self {
+        let mut own = self.clone();
+        own.layers.retain(|layer| layer.is_light);
+        own
     }
 
     /// A source of the rows of what is denoised (see [`ExrSource::new`]).
@@ -326,19 +328,15 @@ impl Input {
         )
     }
 
-    /// The same with what the frame says of motion, for one that others help.
-    pub(crate) fn source_with_motion(&self, limit: u64) -> Result<ExrSource, Error> {
-        let source = self.source(limit)?;
-        source.with_motion(self.names.files(), &self.roles, limit)
-    }
-
-    /// Every channel that is read: of a frame of a sequence also those that tell of motion.
+    /// Every channel that is read: of a frame of a sequence also those that say how it moves.
     pub(crate) fn channels_to_read(&self) -> Vec<ChannelRef> {
-        let mut all = self.channels();
-        if self.neighbours.is_some() {
-            all.extend(MotionChannels::of(&self.roles).all());
+        let mut own = self.channels();
+        match (&self.neighbours, self.helpers().next()) {
+            (_, Some(_)) => own.extend(MotionChannels::of(&self.roles).all()),
+            (Some(_), None) => own = self.channels_in_sequence(),
+            (None, None) => {}
         }
-        all
+        own
     }
 
     /// A sink for its denoised rows, into the file that [`denoise`](super::denoise) writes of a file with one picture.

@@ -31,6 +31,10 @@ pub(crate) struct ColourRow {
     pub(crate) empty: Vec<bool>,
     /// What follows the colour in triples (see [`RowLayout::followers`]), 0 where not finite and where the pixel is bad: what it holds there is no better.
     pub(crate) followers: Vec<[Vec<f32>; 3]>,
+    /// How many frames each pixel is made of; empty for an image that is denoised alone.
+    pub(crate) frames: Vec<f32>,
+    /// Of such a row what its own frame has: the mean of the channels, and the sum of their variances, NaN where not known.
+    pub(crate) light: [Vec<f32>; 2],
 }
 
 /// What else weights and filtered features are made of; cells do not read it, so it leaves earlier.
@@ -51,7 +55,8 @@ impl ColourRow {
     /// Bytes of `rows` rows.
     pub(crate) fn bytes(layout: &RowLayout, rows: usize) -> u64 {
         let flags = 3 * (layout.size.width() as u64).saturating_mul(rows as u64);
-        plane_bytes(layout.size, rows, 5 + 3 * layout.followers()).saturating_add(flags)
+        let frames = 3 * usize::from(layout.frames);
+        plane_bytes(layout.size, rows, 5 + 3 * layout.followers() + frames).saturating_add(flags)
     }
 
     fn new(layout: &RowLayout) -> Self {
@@ -66,6 +71,8 @@ impl ColourRow {
             followers: (0..layout.followers())
                 .map(|_| std::array::from_fn(|_| plane()))
                 .collect(),
+            frames: if layout.frames { plane() } else { Vec::new() },
+            light: std::array::from_fn(|_| if layout.frames { plane() } else { Vec::new() }),
         }
     }
 
@@ -80,6 +87,10 @@ impl ColourRow {
             }
         }
         self.fill_variance(input, kind);
+        self.frames.copy_from_slice(&input.frames);
+        for (own, plane) in self.light.iter_mut().zip(&input.light) {
+            own.copy_from_slice(plane);
+        }
         let alpha = Some(&input.alpha).filter(|alpha| !alpha.is_empty());
         let layers = input.layers.iter().flatten();
         let planes = layers.chain(alpha).chain(&input.scalars);

@@ -4,11 +4,12 @@
 //! make it faster.
 
 use linpred_core::{
-    Cells, ColourBlock, ComparedRow, DESPECKLE_SPAN, FeatureGroup, FilteredGroup, FinishedPlane,
-    LIGHT_PLANES, LitRow, NoiseBlock, NoisyBlock, Params, Precisions, RESTORE_SPAN, SMOOTH_SPAN,
-    Scratch, Smoothing, SpeckRow, Surroundings, TILE_FEATURES, WeightBlock, compare_light,
-    denoise_cells, despeckle, estimate_colour_noise, estimate_feature_noise, find_factors,
-    prefilter, smooth, weigh_pixels, weigh_samples,
+    Averaged, COMPARED_PLANES, Cells, ColourBlock, ComparedRow, DESPECKLE_SPAN, FeatureGroup,
+    FilteredGroup, FinishedPlane, FrameRow, LIGHT_PLANES, LitRow, MEASURED_PLANES, NoiseBlock,
+    NoisyBlock, Params, Precisions, RESTORE_SPAN, SMOOTH_SPAN, Scratch, Smoothing, SpeckRow,
+    Surroundings, TEMPORAL_SPAN, TILE_FEATURES, WeightBlock, average_frames, compare_frames,
+    compare_light, denoise_cells, despeckle, estimate_colour_noise, estimate_feature_noise,
+    find_factors, measure_frame, prefilter, smooth, weigh_frames, weigh_pixels, weigh_samples,
 };
 
 /// Cells that a thread denoises side by side: the lanes of the widest registers in double precision.
@@ -127,6 +128,41 @@ dispatched! {
     find_factors(
         planes: &[[&[f32]; RESTORE_SPAN]; LIGHT_PLANES],
         noisy: &[f32],
+        output: &mut [f32]
+    ) -> ()
+}
+
+dispatched! {
+    /// [`linpred_core::compare_frames`].
+    compare_frames(
+        own: &FrameRow<'_>,
+        other: &FrameRow<'_>,
+        known: &[f32],
+        output: [&mut [f32]; COMPARED_PLANES]
+    ) -> ()
+}
+dispatched! {
+    /// [`linpred_core::measure_frame`].
+    measure_frame(
+        planes: &[[&[f32]; TEMPORAL_SPAN]; COMPARED_PLANES],
+        output: &mut [&mut [f32]; MEASURED_PLANES]
+    ) -> ()
+}
+dispatched! {
+    /// [`linpred_core::weigh_frames`].
+    weigh_frames(
+        own: &[&[f32]; MEASURED_PLANES],
+        others: &mut [([&[f32]; MEASURED_PLANES], &mut [f32])],
+        alike: f32,
+        known: bool
+    ) -> ()
+}
+dispatched! {
+    /// [`linpred_core::average_frames`].
+    average_frames(
+        own: &[f32],
+        others: &[(&[f32], &[f32])],
+        what: Averaged,
         output: &mut [f32]
     ) -> ()
 }

@@ -1,10 +1,10 @@
 //! Rows to rows, through the few that are held: knows neither files nor channel names. [`pipeline`] is its heart.
 
 mod borders;
-mod finish;
+pub(crate) mod finish;
 mod fireflies;
 mod held_rows;
-mod instruction_set;
+pub(crate) mod instruction_set;
 mod missing_variances;
 mod neighbourhood;
 pub mod overlap;

@@ -64,6 +64,7 @@ impl ResolvedRow {
                 plane[x] = resolve_scalar(&pixel, sum, formulas, sum_of_scalar, own);
             }
         }
+        self.output.frames.copy_from_slice(&row.colours.frames);
         if formulas != Formulas::Literal {
             self.keep_layers_positive(row);
         }

@@ -18,6 +18,12 @@ impl<T> RowRing<T> {
         }
     }
 
+    /// Lets go of every row; the next is row `y`.
+    pub(crate) fn restart(&mut self, y: usize) {
+        self.spare.extend(self.rows.drain(..));
+        self.first = y;
+    }
+
     /// The first row held.
     pub(crate) fn first(&self) -> usize {
         self.first

@@ -163,14 +163,33 @@ pub(crate) struct Own {
     pub(crate) variance: Plane,
     /// That of the pixels around, if it is larger.
     pub(crate) largest_variance: Plane,
+    /// Of a pixel that is made of several frames, its own frame's radiance and the variance of that, likewise; no planes for an image that is denoised alone.
+    light: [Plane; 2],
 }
 
 impl Own {
-    pub(crate) const PLANES: usize = 4;
+    pub(crate) fn planes(layout: &RowLayout) -> usize {
+        4 + 2 * usize::from(layout.frames)
+    }
+
+    /// The radiance, and its variance, whose light the frame has.
+    pub(crate) fn light(&self) -> [&Plane; 2] {
+        match &self.light {
+            [radiance, variance] if radiance.is_some() => [radiance, variance],
+            _ => [&self.radiance, &self.variance],
+        }
+    }
 
     fn new(layout: &RowLayout) -> Self {
         let plane = || Plane::new(layout.size.width());
         Self {
+            light: std::array::from_fn(|_| {
+                if layout.frames {
+                    plane()
+                } else {
+                    Plane::none()
+                }
+            }),
             good: plane(),
             radiance: plane(),
             variance: plane(),
@@ -187,6 +206,21 @@ impl Own {
         self.variance.copy(&colours.variance);
         self.largest_variance
             .fill(|x| prepared.variance[x].max(colours.variance[x]));
+        let [light, light_variance] = &mut self.light;
+        if light.is_some() {
+            let [own, variance] = &colours.light;
+            let usable = |x: usize| colours.good[x] > 0.0 && own[x].is_finite();
+            light.fill(|x| if usable(x) { own[x] } else { 0.0 });
+            // what is not known is taken for that of the pixel, of which the frame is a part
+            let part = |x: usize| colours.frames[x] * colours.variance[x];
+            light_variance.fill(|x| {
+                if variance[x] >= 0.0 {
+                    variance[x]
+                } else {
+                    part(x)
+                }
+            });
+        }
     }
 }
 
@@ -197,14 +231,23 @@ pub(crate) struct Rest {
     pub(crate) error: Plane,
     pub(crate) radius: Plane,
     pub(crate) rank: Plane,
+    /// Frames that pixels are made of; none for an image that is denoised alone.
+    pub(crate) frames: Plane,
 }
 
 impl Rest {
-    pub(crate) const PLANES: usize = 4;
+    pub(crate) fn planes(layout: &RowLayout) -> usize {
+        4 + usize::from(layout.frames)
+    }
 
     fn new(layout: &RowLayout) -> Self {
         let plane = || Plane::new(layout.size.width());
         Self {
+            frames: if layout.frames {
+                plane()
+            } else {
+                Plane::none()
+            },
             noisy: plane(),
             error: plane(),
             radius: plane(),
@@ -218,5 +261,8 @@ impl Rest {
         self.error.copy(&blended.error);
         self.radius.copy(&blended.radius);
         self.rank.copy(&blended.rank);
+        if self.frames.is_some() {
+            self.frames.copy(&blended.frames);
+        }
     }
 }

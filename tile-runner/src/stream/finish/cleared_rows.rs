@@ -67,12 +67,13 @@ impl ClearedRow {
         for (own, plane) in self.radiance.scalars_mut().zip(scalars) {
             own.copy(plane.image());
         }
+        let [light, variance] = own.light();
         let lit = LitRow {
             colour: self.radiance.colour(),
             noisy,
             good,
-            own: own.radiance.padded(),
-            variance: own.variance.padded(),
+            own: light.padded(),
+            variance: variance.padded(),
         };
         let light = self.light.each_mut().map(Plane::padded_mut);
         instruction_set.compare_light(&lit, light);

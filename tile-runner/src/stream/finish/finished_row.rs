@@ -17,7 +17,7 @@ pub(crate) struct FinishedRow {
 
 impl FinishedRow {
     pub(crate) fn planes(layout: &RowLayout) -> usize {
-        7 + layout.following_planes()
+        7 + layout.following_planes() + usize::from(layout.frames)
     }
 
     pub(crate) fn new(layout: &RowLayout) -> Self {
@@ -66,6 +66,7 @@ impl FinishedRow {
         output.error.copy_from_slice(rest.error.image());
         output.radius.copy_from_slice(rest.radius.image());
         output.rank.copy_from_slice(rest.rank.image());
+        output.frames.copy_from_slice(rest.frames.image());
     }
 }
 

@@ -15,7 +15,7 @@
 mod blended_rows;
 mod cleared_rows;
 mod finished_row;
-mod planes;
+pub(crate) mod planes;
 mod smoothing;
 
 use linpred_core::{DESPECKLE_RADIUS, ERROR_RADIUS, MEAN_RADIUS, RESTORE_RADIUS, SMOOTHINGS};
@@ -86,8 +86,8 @@ impl Finish {
         let rings = [
             (radiance, REACH[0] + FIRST),
             (Guides::planes(layout), REACH[1] + FIRST + SECOND),
-            (Own::PLANES, FIRST + SECOND + DESPECKLE_RADIUS),
-            (Rest::PLANES, LOOK_BELOW),
+            (Own::planes(layout), FIRST + SECOND + DESPECKLE_RADIUS),
+            (Rest::planes(layout), LOOK_BELOW),
             (Pass::PRECISION_PLANES, 2 * REACH[0]),
             (Pass::PRECISION_PLANES, 2 * REACH[1]),
             (radiance, REACH[1] + SECOND),

@@ -5,6 +5,7 @@ use linpred_core::{FINISH_PADDING, finish_columns};
 use crate::row::RowLayout;
 
 /// A row of a plane, with columns beyond the image on both sides.
+#[derive(Debug)]
 pub(crate) struct Plane {
     width: usize,
     values: Vec<f32>,
@@ -27,6 +28,11 @@ impl Plane {
         }
     }
 
+    /// Columns of the image; 0 if there is no plane.
+    pub(crate) fn width(&self) -> usize {
+        self.width
+    }
+
     /// Every column, or none.
     pub(crate) fn padded(&self) -> &[f32] {
         &self.values
@@ -46,9 +52,20 @@ impl Plane {
         &mut self.values
     }
 
-    /// The columns of the image.
+    /// Whether there is a plane.
+    pub(crate) fn is_some(&self) -> bool {
+        !self.values.is_empty()
+    }
+
+    /// The columns of the image, to be filled; call [`Self::pad`] or [`Self::pad_with_zeros`] afterwards.
+    pub(crate) fn image_mut(&mut self) -> &mut [f32] {
+        &mut self.values[FINISH_PADDING..FINISH_PADDING + self.width]
+    }
+
+    /// The columns of the image; none if there is no plane.
     pub(crate) fn image(&self) -> &[f32] {
-        &self.values[FINISH_PADDING..FINISH_PADDING + self.width]
+        let image = FINISH_PADDING..FINISH_PADDING + self.width;
+        self.values.get(image).unwrap_or_default()
     }
 
     /// Gives the columns beyond the image the values of the nearest ones.
@@ -67,14 +84,13 @@ impl Plane {
 
     /// Takes the values of a row of the image.
     pub(crate) fn copy(&mut self, row: &[f32]) {
-        self.values[FINISH_PADDING..FINISH_PADDING + self.width].copy_from_slice(row);
+        self.image_mut().copy_from_slice(row);
         self.pad();
     }
 
     /// Takes what a function of the column gives.
     pub(crate) fn fill(&mut self, value: impl Fn(usize) -> f32) {
-        let image = &mut self.values[FINISH_PADDING..FINISH_PADDING + self.width];
-        for (x, own) in image.iter_mut().enumerate() {
+        for (x, own) in self.image_mut().iter_mut().enumerate() {
             *own = value(x);
         }
         self.pad();
