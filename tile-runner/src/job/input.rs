@@ -301,7 +301,8 @@ impl Input {
     /// A source of the rows of a frame of a sequence whose frames help each other: with what it says of motion, and without layers that are no light. Errors as those of
     /// [`ExrSource::new`].
     pub fn source_in_sequence(&self, limit: u64) -> Result<ExrSource, Error> {
-        self.in_sequence().source_with_motion(limit)
+        let source = self.in_sequence().source(limit)?;
+        source.with_motion(self.names.files(), &self.roles, limit)
     }
 
     /// A source of the rows of the frame that the others help: with what it says of motion, and everything that is denoised. Errors as those of [`ExrSource::new`].
@@ -330,13 +331,11 @@ impl Input {
 
     /// Every channel that is read: of a frame of a sequence also those that say how it moves.
     pub(crate) fn channels_to_read(&self) -> Vec<ChannelRef> {
-        let mut own = self.channels();
-        match (&self.neighbours, self.helpers().next()) {
-            (_, Some(_)) => own.extend(MotionChannels::of(&self.roles).all()),
-            (Some(_), None) => own = self.channels_in_sequence(),
-            (None, None) => {}
+        let mut all = self.channels();
+        if self.neighbours.is_some() {
+            all.extend(MotionChannels::of(&self.roles).all());
         }
-        own
+        all
     }
 
     /// A sink for its denoised rows, into the file that [`denoise`](super::denoise) writes of a file with one picture.

@@ -134,10 +134,12 @@ fn open(
         return Err("it has other pictures (views, view layers)".into());
     }
     for (own, other) in pictures.iter().zip(&mut others) {
-        *other = other.in_sequence();
         // pixels are followed from one to the other: both are read where the frame itself is
         other.area = own.area;
-        check_alike(&own.in_sequence(), other)?;
+        other.neighbours = Some(Neighbours::default());
+        check_alike(own, other)?;
+        // what is no light is not averaged over frames, and not read
+        other.layers.retain(|layer| layer.is_light);
     }
     Ok(others)
 }
@@ -173,8 +175,7 @@ fn check_alike(own: &Input, other: &Input) -> Result<(), String> {
             names(own).join(" ")
         ));
     }
-    let layout = |input: &Input| input.layout().with_motion(input.motion());
-    match difference(&layout(own), &layout(other)) {
+    match difference(&own.layout_in_sequence(), &other.layout_in_sequence()) {
         Some(what) => Err(format!("it has {what}")),
         None => Ok(()),
     }

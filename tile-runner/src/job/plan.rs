@@ -175,7 +175,7 @@ fn add_neighbours(plan: &mut MemoryPlan, pictures: &[Input], threads: NonZeroUsi
         }
         let (before, after) = (of.before.len(), of.after.len());
         if before + after > 0 {
-            let layout = picture.layout();
+            let layout = picture.layout_in_sequence();
             plan.add(
                 format!("following pixels through {before} frames before and {after} after"),
                 Temporal::<ExrSource>::bytes(&layout, before, after, threads),
