@@ -5,6 +5,7 @@ mod blocks_agree_with_their_definitions;
 mod cells_predict_every_open_pixel;
 mod even_layers_stay_even;
 mod finishing_agrees_with_its_definition;
+mod frames_agree_with_their_definition;
 mod lanes_change_no_bit;
 mod model_agrees_with_its_definition;
 mod model_is_equivariant;

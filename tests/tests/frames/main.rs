@@ -5,6 +5,7 @@ mod estimated_error_is_the_error;
 mod exact_where_it_can_be;
 mod finishing_keeps_its_promises;
 mod fireflies_go_and_lamps_stay;
+mod frames_help_each_other;
 mod frames_in_memory_are_read_as_they_lie;
 mod layers_add_up_to_the_colour;
 mod light_stays;

@@ -5,10 +5,13 @@ use std::path::{Path, PathBuf};
 
 use same_file::Handle;
 
+use crate::channels::presets::Role;
 use crate::channels::roles::in_words;
 use crate::error::Error;
 use crate::job::input::{Input, InputRequest, Neighbours, Unused};
-use crate::row::RowLayout;
+use crate::job::look::strips;
+use crate::job::memory::DEFAULT_MEMORY_LIMIT;
+use crate::row::{InputRow, RowLayout, RowSource};
 use linpred_core::Feature;
 
 /// Frames on each side that help where nothing else is said.
@@ -44,6 +47,7 @@ pub fn open_frame(request: &InputRequest, files: &NeighbourFiles) -> Result<Vec<
     check_count("after", &files.after)?;
     check_distinct(&request.path, files)?;
     let mut pictures = Input::open_all(request)?;
+    pictures.iter_mut().try_for_each(forget_silent_vectors)?;
     let mut unused = Vec::new();
     let before = open_side(&pictures, request, &files.before, &mut unused);
     let after = open_side(&pictures, request, &files.after, &mut unused);
@@ -133,6 +137,10 @@ fn open(
     if labels(pictures) != labels(&others) {
         return Err("it has other pictures (views, view layers)".into());
     }
+    others
+        .iter_mut()
+        .try_for_each(forget_silent_vectors)
+        .map_err(|error| format!("{error}{}", error.causes()))?;
     for (own, other) in pictures.iter().zip(&mut others) {
         // pixels are followed from one to the other: both are read where the frame itself is
         other.area = own.area;
@@ -142,6 +150,35 @@ fn open(
         other.layers.retain(|layer| layer.is_light);
     }
     Ok(others)
+}
+
+/// Takes motion vectors from a picture that are all 0, as Cycles writes them where motion blur is on: they would say that what moves stands still.
+fn forget_silent_vectors(picture: &mut Input) -> Result<(), Error> {
+    let motion = picture.motion();
+    if !(motion.backward || motion.forward) || vectors_tell(picture)? {
+        return Ok(());
+    }
+    let vectors = [Role::Motion, Role::MotionForward];
+    let assignments = &mut picture.roles.assignments;
+    assignments.retain(|assignment| !vectors.contains(&assignment.role));
+    Ok(())
+}
+
+/// Whether one of the vectors in the rows that are looked at is not 0.
+fn vectors_tell(picture: &Input) -> Result<bool, Error> {
+    let mut source = picture.source_in_sequence(DEFAULT_MEMORY_LIMIT)?;
+    let mut row = InputRow::new(&source.layout());
+    for y in strips(picture, picture.area.size.height())
+        .into_iter()
+        .flatten()
+    {
+        source.read_row(y, &mut row)?;
+        let vectors = row.backward.iter().chain(&row.forward);
+        if vectors.flatten().any(|value| value.abs() > 0.0) {
+            return Ok(true);
+        }
+    }
+    Ok(false)
 }
 
 /// Whether a picture of another frame can help: says what stands in the way.

@@ -54,6 +54,8 @@ pub struct Temporal<S> {
     averages: Vec<Plane>,
     pool: Threads,
     instruction_set: InstructionSet,
+    /// Whether a frame tells how its surfaces move.
+    moves: bool,
     /// Pixels averaged so far.
     pixels: u64,
 }
@@ -92,7 +94,9 @@ impl<S: RowSource> Temporal<S> {
             ..layout
         };
         let others = before.iter().chain(&after).map(RowSource::layout);
+        let mut moves = layout.motion != Motion::default();
         for other in others {
+            moves |= other.motion != Motion::default();
             let same = RowLayout {
                 scalars: 0,
                 samples: false,
@@ -119,6 +123,7 @@ impl<S: RowSource> Temporal<S> {
             averages: Planes::new(&frames).planes,
             pool: pool(threads)?,
             instruction_set: InstructionSet::detect(),
+            moves,
             pixels: 0,
         })
     }
@@ -187,7 +192,7 @@ impl<S: RowSource> Temporal<S> {
     fn average(&mut self, y: usize) {
         let (height, instruction_set) = (self.layout.size.height(), self.instruction_set);
         let known = self.layout.variance != VarianceKind::Estimated;
-        let moves = self.frames.motion != Motion::default();
+        let moves = self.moves;
         let [before, after] = &mut self.sides;
         let (comparison, averages) = (&mut self.comparison, &mut self.averages);
         let own = &self.rows.row(y).planes;

@@ -11,11 +11,13 @@ use core::hint::black_box;
 
 use cortex_m_rt::entry;
 use linpred_core::{
-    ColourBlock, ComparedRow, FIREFLY_ROWS, FeatureGroup, FilteredGroup, FinishedPlane, Gram,
-    LitRow, NoiseBlock, NoisyBlock, NormalEquations, Precisions, Prior, Rls, SMOOTHINGS, Sampler,
-    SpeckRow, Surroundings, SymmetricEigen, WeightBlock, compare_light, despeckle,
-    estimate_colour_noise, estimate_feature_noise, find_factors, find_fireflies, level_of,
-    pixel_hash, prefilter, smooth, weigh_pixels, weigh_samples,
+    Averaged, COMPARED_PLANES, ColourBlock, ComparedRow, FIREFLY_ROWS, FeatureGroup, FilteredGroup,
+    FinishedPlane, FrameRow, Gram, LitRow, MEASURED_PLANES, NoiseBlock, NoisyBlock,
+    NormalEquations, Precisions, Prior, Rls, SMOOTHINGS, Sampler, SpeckRow, Surroundings,
+    SymmetricEigen, TEMPORAL_SPAN, WeightBlock, average_frames, compare_frames, compare_light,
+    despeckle, estimate_colour_noise, estimate_feature_noise, find_factors, find_fireflies,
+    level_of, measure_frame, pixel_hash, prefilter, smooth, weigh_frames, weigh_pixels,
+    weigh_samples,
 };
 
 fn recursion<const T: usize>() {
@@ -130,6 +132,35 @@ fn finished(plane: &[f32], outputs: &mut [&mut [f32]; 5]) {
     black_box(level_of(black_box(1.0)));
 }
 
+/// Weights and averages of neighbouring frames, on such planes.
+fn frames(plane: &[f32], outputs: &mut [&mut [f32]; 5]) {
+    let plane = || black_box(plane);
+    let [a, b, c, ..] = black_box(outputs);
+    let row = FrameRow {
+        colour: [plane(); 3],
+        variance: [plane(); 3],
+        normal: [plane(); 3],
+        albedo: [plane(); 3],
+        depth: plane(),
+    };
+    let compared = core::array::from_fn(|_| -> &mut [f32] { &mut [] });
+    compare_frames(
+        black_box(&row),
+        black_box(&row),
+        plane(),
+        black_box(compared),
+    );
+    let mut measured = core::array::from_fn(|_| -> &mut [f32] { &mut [] });
+    let rows = [[plane(); TEMPORAL_SPAN]; COMPARED_PLANES];
+    measure_frame(black_box(&rows), black_box(&mut measured));
+    let planes = [plane(); MEASURED_PLANES];
+    let mut others = [(planes, &mut **a), (planes, &mut **b)];
+    let (alike, known) = (black_box(1.0), black_box(true));
+    weigh_frames(black_box(&planes), black_box(&mut others), alike, known);
+    let others = black_box([(plane(), plane()); 2]);
+    average_frames(plane(), &others, black_box(Averaged::Variances), c);
+}
+
 fn sampling() {
     let sampler = black_box(Sampler::default());
     let error = sampler.relative_error(black_box(1.0), black_box([1.0; 3]));
@@ -160,6 +191,7 @@ fn main() -> ! {
         filtered(SINGLE, FILTERED_SINGLE);
         estimates(NOISY, NOISE);
         fireflies(FIREFLIES);
+        frames(plane, &mut [a, b, c, d, e]);
         sampling();
         recursion::<1>();
         recursion::<5>();

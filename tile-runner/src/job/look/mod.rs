@@ -186,7 +186,7 @@ fn variance_names(input: &Input) -> String {
 }
 
 /// The rows that are looked at: all of a small image, else strips that begin where chunks do.
-fn strips(input: &Input, height: usize) -> Vec<Range<usize>> {
+pub(super) fn strips(input: &Input, height: usize) -> Vec<Range<usize>> {
     let at = input.roles.colour[0];
     let grid = &input.names.files()[at.file].parts()[at.part].grid;
     let chunk = grid.chunk_height().max(1);
