@@ -162,6 +162,23 @@ fn layers_that_are_no_light_are_those_of_the_frame_itself() {
 }
 
 #[test]
+fn a_frame_that_tells_nothing_of_motion_helps_one_that_does() {
+    // as where things begin to move
+    let folder = shot(|number| {
+        let mut channels = all(number);
+        if number > 1 {
+            channels.extend(["motion.X", "motion.Y"].map(|name| float(name, PIXELS, 7)));
+        }
+        vec![part(channels)]
+    });
+    let request = InputRequest::new(path(folder.path(), "shot", 2));
+    assert!(Input::open(&request).unwrap().motion().backward);
+    let done = helped(folder.path(), &request);
+    assert_eq!((done.help[0].before.len(), done.unused.len()), (1, 0));
+    whole_and_alone(folder.path(), &[]);
+}
+
+#[test]
 fn a_frame_that_nothing_helps_is_denoised_as_without_a_sequence() {
     let folder = tempfile::tempdir().unwrap();
     write(&path(folder.path(), "shot", 1), SIZE, vec![part(all(1))]);
