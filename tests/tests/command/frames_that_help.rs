@@ -6,6 +6,7 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use exr::prelude::FlatSamples;
 use linpred_tests::command::{Ran, denoise_file, linpred_path};
 use linpred_tests::images::{
     NamedSamples, channel_names, everything, float, part, read, values, write,
@@ -199,6 +200,41 @@ fn a_neighbour_that_cannot_help_is_named_and_the_frame_is_made_without_it() {
             .complains_about(&["shot.0004.exr does not help", "it does not exist"]);
         assert_eq!(fs::read(path.join("gap.0003.exr")).unwrap(), out, "{why}");
     }
+}
+
+#[test]
+fn where_the_picture_is_another_a_cut_is_asked_about() {
+    let folder = shot(&[1, 2]);
+    // brighter by far than the noise of the others
+    let mut other = channels(3, SIZE);
+    for (name, samples) in &mut other {
+        if let ("R" | "G" | "B", FlatSamples::F32(values)) = (name.as_str(), samples) {
+            values.iter_mut().for_each(|value| *value += 50.0);
+        }
+    }
+    write(&frame(folder.path(), 3), SIZE, vec![part(other)]);
+    let options = ["--log-format", "json"];
+    let ran = run(folder.path(), "out.####.exr", &options).succeeds();
+    let asked: Vec<Value> = (ran.stderr().lines())
+        .map(|line| serde_json::from_str(line).unwrap())
+        .filter(|event: &Value| {
+            event["message"]
+                .as_str()
+                .unwrap()
+                .contains("is there a cut")
+        })
+        .collect();
+    // by both frames beside it, and by no other
+    assert_eq!(asked.len(), 2, "{asked:?}");
+    for event in asked {
+        let words = event["message"].as_str().unwrap();
+        assert!(words.contains("shot.0002.exr") && words.contains("shot.0003.exr"));
+    }
+    let weights: Vec<Value> = helped(&ran)
+        .iter()
+        .map(|event| event["weight_after"].clone())
+        .collect();
+    assert!(weights[0].as_f64().unwrap() > 0.5 && weights[1].as_f64().unwrap() < 0.1);
 }
 
 #[test]

@@ -66,6 +66,43 @@ fn a_run_uses_no_more_memory_than_planned_and_not_much_less_where_it_is_large() 
 }
 
 #[test]
+fn frames_that_help_are_in_the_plan() {
+    let folder = tempfile::tempdir().unwrap();
+    for (compression, blocks) in [
+        (Compression::ZIP16, Blocks::ScanLines),
+        (Compression::PIZ, Blocks::Tiles(Vec2(64, 64))),
+    ] {
+        let size = (4096, 60);
+        let path = |name: &str| folder.path().join(name).display().to_string();
+        let others = ["before.exr", "after.exr", "next.exr"].map(path);
+        for file in others.iter().map(String::as_str).chain([&*path("in.exr")]) {
+            write(
+                Path::new(file),
+                size,
+                vec![image(size, compression, blocks)],
+            );
+        }
+        let [before, after, next] = others.each_ref().map(String::as_str);
+        let options = [
+            ["--temporal", "--before", before],
+            ["--after", after, "--after"],
+        ];
+        let options = [&options.concat()[..], &[next]].concat();
+        for threads in ["1", "2"] {
+            let options = [&options[..], &["--threads", threads]].concat();
+            let planned = planned(folder.path(), &options);
+            let Some(peak) = peak(folder.path(), "out.exr", &options) else {
+                println!("this system does not tell the peak of a process's memory: not compared");
+                return;
+            };
+            let case = format!("{compression} {threads}: {peak} of {planned}");
+            println!("{case}");
+            assert!(peak <= planned && planned <= 2 * peak, "{case}");
+        }
+    }
+}
+
+#[test]
 fn a_map_of_samples_takes_no_more_memory_than_denoising() {
     let folder = tempfile::tempdir().unwrap();
     let mut image = image((4096, 60), Compression::ZIP16, Blocks::ScanLines);

@@ -7,6 +7,7 @@ mod compressions_of_later_versions;
 mod damaged_files;
 mod deep_parts_are_copied;
 mod file_layout_changes_no_bit;
+mod frames_help_whatever_their_files;
 mod identifiers_are_kept;
 mod kept_as_they_are;
 mod maps_of_samples;

@@ -16,7 +16,7 @@
 #define LINPRED_LAYOUT_INIT { sizeof(linpred_layout), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
 #define LINPRED_STEP_INIT { sizeof(linpred_step), 0, 0, NULL, NULL }
 #define LINPRED_ROW_FUNCTIONS_INIT { sizeof(linpred_row_functions), NULL, NULL, NULL }
-#define LINPRED_FILE_OPTIONS_INIT { sizeof(linpred_file_options), NULL, 0, 0, 0, 0 }
+#define LINPRED_FILE_OPTIONS_INIT { sizeof(linpred_file_options), NULL, 0, 0, 0, 0, NULL, NULL, 0, 0 }
 #define LINPRED_SAMPLE_GOAL_INIT { sizeof(linpred_sample_goal), 0, 0 }
 #define LINPRED_SAMPLE_SUMMARY_INIT { sizeof(linpred_sample_summary), 0, 0, 0, 0, 0, 0, 0 }
 
@@ -646,6 +646,24 @@ typedef struct linpred_file_options {
      * 0.
      */
     uint32_t reserved;
+    /**
+     * If the image is a frame of a sequence, paths of `before_count` frames before it that help, so that it does not
+     * flicker: the nearest first, at most 8. One that does not exist or cannot help is warned of and left out, with
+     * those beyond it. May be NULL if the count is 0; without a frame on either side the image is denoised alone.
+     */
+    const char *const *before;
+    /**
+     * Likewise those after it.
+     */
+    const char *const *after;
+    /**
+     * How many paths `before` has.
+     */
+    uint32_t before_count;
+    /**
+     * How many paths `after` has.
+     */
+    uint32_t after_count;
 } linpred_file_options;
 
 /**
@@ -896,7 +914,7 @@ linpred_status linpred_stop_rows(struct linpred_denoiser *denoiser);
  *
  * # Safety
  * `denoiser` is NULL, or of linpred_new() and not freed; paths are NULL or end with a zero; `options` is NULL or can
- * be read over its size.
+ * be read over its size, and its lists of paths over their counts.
  */
 linpred_status linpred_denoise_file(struct linpred_denoiser *denoiser,
                                     const char *input,

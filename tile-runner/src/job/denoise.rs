@@ -9,11 +9,7 @@ use std::sync::mpsc::sync_channel;
 
 use linpred_core::Params;
 
-use crate::channels::presets::Role;
 use crate::error::Error;
-use crate::exr_file::attributes::{
-    INPUT_ATTRIBUTE, NEIGHBOURS_ATTRIBUTE, NOISE_ATTRIBUTE, OPTIONS_ATTRIBUTE, VERSION_ATTRIBUTE,
-};
 use crate::exr_file::compression::SharedCodec;
 use crate::exr_file::output::check_output;
 use crate::geometry::ImageSize;
@@ -22,7 +18,8 @@ use crate::image::rewrite::Rewrite;
 use crate::image::sink::ExrSink;
 use crate::job::band::{BandSink, BandSource};
 use crate::job::helped_rows::{Broken, Help, HelpedRows};
-use crate::job::input::{Input, Neighbours, Unused, rewrite};
+use crate::job::input::{Input, Unused, rewrite};
+use crate::job::marks::marks;
 use crate::job::memory;
 use crate::job::options::JobOptions;
 use crate::job::output_name::check_output_name;
@@ -412,85 +409,4 @@ pub(super) fn run(
         behind.finish()?;
         report
     })
-}
-
-/// What the header of the output says of how it was made, and of what.
-fn marks(pictures: &[Input], options: &JobOptions) -> Result<Vec<(&'static str, String)>, Error> {
-    let Some(first) = pictures.first() else {
-        return Ok(Vec::new());
-    };
-    let params = &options.pipeline.params;
-    let roles = pictures.iter().flat_map(|picture| {
-        let assigned = picture.roles.assignments.iter();
-        // what a frame alone does not read has no part in its output
-        let read = assigned.filter(|a| !a.role.is_of_motion());
-        read.map(|a| {
-            let names: Vec<String> = a
-                .channels
-                .iter()
-                .map(|at| picture.names.name(*at))
-                .collect();
-            format!("{}={}", a.role.name(), names.join(","))
-        })
-    });
-    let roles: Vec<String> = roles.collect();
-    let layers = pictures.iter().flat_map(|picture| &picture.layers);
-    let layers: Vec<&str> = layers.map(|layer| layer.name.as_str()).collect();
-    let samples = pictures
-        .iter()
-        .map(|picture| picture.roles.samples.as_ref());
-    let samples: Vec<String> = samples.flatten().map(ToString::to_string).collect();
-    let wraps: Vec<String> = pictures
-        .iter()
-        .map(|picture| picture.wrap.to_string())
-        .collect();
-    let text = format!(
-        "formulas {:?}; coverage {}; vary features {}; {}; layers {}; samples {}; wraps {}",
-        params.formulas,
-        params.coverage,
-        params.vary_features,
-        roles.join("; "),
-        layers.join(","),
-        samples.join(","),
-        wraps.join(","),
-    );
-    let noise = pictures.iter().flat_map(|picture| {
-        let roles = [Role::Variance, Role::HalfA, Role::HalfB];
-        let channels = roles
-            .into_iter()
-            .filter_map(|role| picture.roles.assignment(role));
-        let channels = channels.flat_map(|assignment| &assignment.channels);
-        channels.map(|at| picture.names.name(*at))
-    });
-    let noise: Vec<String> = noise.collect();
-    let mut marks = vec![
-        (VERSION_ATTRIBUTE, env!("CARGO_PKG_VERSION").to_owned()),
-        (OPTIONS_ATTRIBUTE, text),
-        (INPUT_ATTRIBUTE, first.fingerprints()?),
-    ];
-    if !noise.is_empty() {
-        marks.push((NOISE_ATTRIBUTE, noise.join(", ")));
-    }
-    if let Some(neighbours) = &first.neighbours {
-        marks.push((NEIGHBOURS_ATTRIBUTE, mark_of(neighbours)?));
-    }
-    Ok(marks)
-}
-
-/// What the header says of the frames that helped.
-fn mark_of(neighbours: &Neighbours) -> Result<String, Error> {
-    let side = |frames: &[Input], which: &str| {
-        let checksums: Result<Vec<String>, Error> =
-            frames.iter().map(Input::fingerprints).collect();
-        let mut words = format!("{} {which}", frames.len());
-        for (n, checksum) in checksums?.iter().enumerate() {
-            words += &format!("{} {checksum}", if n == 0 { ":" } else { "," });
-        }
-        Ok(words)
-    };
-    let (before, after) = (
-        side(&neighbours.before, "before")?,
-        side(&neighbours.after, "after")?,
-    );
-    Ok(format!("{before}; {after}"))
 }

@@ -13,9 +13,10 @@ use crate::channels::variance::Variance;
 use crate::error::Error;
 use crate::exr_file::{ExrFile, Part};
 use crate::image::rewrite::ExtraLayers;
-use crate::job::input::{Input, InputRequest, rewrite};
+use crate::job::input::{Input, rewrite};
 use crate::job::memory::{self, DEFAULT_MEMORY_LIMIT};
 use crate::job::plan;
+use crate::job::request::InputRequest;
 use crate::stream::survey::{self, Survey};
 
 /// A part in words.

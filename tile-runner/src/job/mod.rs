@@ -20,16 +20,19 @@
 mod band;
 mod compare;
 mod denoise;
+mod frame_pattern;
 mod helped_rows;
 mod input;
 mod inspect;
 mod look;
+mod marks;
 mod memory;
 mod merge;
 mod neighbours;
 mod options;
 mod output_name;
 mod plan;
+mod request;
 mod sample_map;
 mod sequence;
 mod stitch;
@@ -40,8 +43,9 @@ pub use compare::{
     tone_mapped, worst_places,
 };
 pub use denoise::{Summary, denoise, rows_to_write};
+pub use frame_pattern::FramePattern;
 pub use helped_rows::Help;
-pub use input::{Input, InputRequest, Neighbours, Remark, Unused, Wrap, only_picture, remarks};
+pub use input::{Input, Neighbours, Remark, Unused, only_picture, remarks};
 pub use inspect::{Inspection, PartInfo, RoleInfo, describe, inspect, inspect_with, survey};
 pub use memory::{DEFAULT_MEMORY_LIMIT, MemoryPlan, check_memory, check_memory_of_map};
 pub use merge::{MergeRequest, Merged, Merging};
@@ -49,6 +53,7 @@ pub use neighbours::{DEFAULT_REACH, FrameFiles, MOST_REACH, NeighbourFiles, open
 pub use options::JobOptions;
 pub use output_name::check_output_name;
 pub use plan::{Schedule, plan};
+pub use request::{InputRequest, Wrap};
 pub use sample_map::{MAP_CHANNEL, plan_map, rows_to_measure, sample_map};
-pub use sequence::{Frame, FramePattern, check_outputs, frames, frames_beside, parse_frames};
+pub use sequence::{Frame, check_outputs, frames, frames_beside, parse_frames};
 pub use stitch::stitch;

@@ -8,9 +8,10 @@ use same_file::Handle;
 use crate::channels::presets::Role;
 use crate::channels::roles::in_words;
 use crate::error::Error;
-use crate::job::input::{Input, InputRequest, Neighbours, Unused};
+use crate::job::input::{Input, Neighbours, Unused};
 use crate::job::look::strips;
 use crate::job::memory::DEFAULT_MEMORY_LIMIT;
+use crate::job::request::InputRequest;
 use crate::row::{InputRow, RowLayout, RowSource};
 use linpred_core::Feature;
 
@@ -146,6 +147,8 @@ fn open(
         other.area = own.area;
         other.neighbours = Some(Neighbours::default());
         check_alike(own, other)?;
+        // what is no light is not averaged over frames, and not read
+        other.layers.retain(|layer| layer.is_light);
     }
     Ok(others)
 }
@@ -216,7 +219,7 @@ fn check_alike(own: &Input, other: &Input) -> Result<(), String> {
     }
 }
 
-/// What rows of another layout have that a frame's lack, or the other way round.
+/// What rows of another layout have that a frame's lack, or the other way round. What they say of motion may differ: things begin to move.
 fn difference(own: &RowLayout, other: &RowLayout) -> Option<String> {
     let differs = |own: bool, other: bool, what: &str| {
         let article = if other { "a" } else { "no" };
@@ -231,6 +234,5 @@ fn difference(own: &RowLayout, other: &RowLayout) -> Option<String> {
     features
         .or_else(|| differs(own.alpha, other.alpha, "channel of alpha"))
         .or_else(|| (own.variance != other.variance).then(|| "another kind of variance".into()))
-        .or_else(|| (own.motion != other.motion).then(|| "other channels of motion".into()))
-        .or_else(|| (own != other).then(|| "other layers".into()))
+        .or_else(|| (own != &other.with_motion(own.motion)).then(|| "other layers".into()))
 }

@@ -9,97 +9,12 @@ use same_file::Handle;
 
 use crate::error::Error;
 use crate::exr_file::output::check_output;
-use crate::job::input::InputRequest;
+use crate::job::frame_pattern::FramePattern;
 use crate::job::neighbours::{FrameFiles, NeighbourFiles};
+use crate::job::request::InputRequest;
 
 /// Most frames of one command; more is a slip of the keyboard.
 const FRAME_LIMIT: u64 = 1_000_000;
-
-/// A file name with a place for the frame number: `shot.####.exr`, `shot.%04d.exr` or `shot.$F4.exr`.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct FramePattern {
-    folder: PathBuf,
-    before: String,
-    digits: usize,
-    after: String,
-}
-
-impl FramePattern {
-    /// The pattern in a path's last component. `None` if there is none, or if a file of exactly this name exists.
-    pub fn parse(path: &Path) -> Option<Self> {
-        let name = path.file_name()?.to_str()?;
-        let (start, end, digits) = find_hashes(name)
-            .or_else(|| find_printf(name))
-            .or_else(|| find_dollar(name))?;
-        if path.exists() {
-            return None;
-        }
-        Some(Self {
-            folder: path.parent().unwrap_or(Path::new("")).to_owned(),
-            before: name[..start].to_owned(),
-            digits,
-            after: name[end..].to_owned(),
-        })
-    }
-
-    /// The path of a frame.
-    pub fn path(&self, frame: u32) -> PathBuf {
-        let Self {
-            before,
-            digits,
-            after,
-            ..
-        } = self;
-        self.folder.join(format!("{before}{frame:0digits$}{after}"))
-    }
-
-    /// The pattern of which a file's own name is one frame: its last digits before the extension are the number. `None` if it has none.
-    fn around(path: &Path) -> Option<(Self, u32)> {
-        let name = path.file_name()?.to_str()?;
-        let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
-        let end = stem.rfind(|c: char| c.is_ascii_digit())? + 1;
-        let start = stem[..end].rfind(|c: char| !c.is_ascii_digit());
-        let start = start.map_or(0, |at| {
-            at + stem[at..].chars().next().map_or(1, char::len_utf8)
-        });
-        let pattern = Self {
-            folder: path.parent().unwrap_or(Path::new("")).to_owned(),
-            before: name[..start].to_owned(),
-            digits: end - start,
-            after: name[end..].to_owned(),
-        };
-        Some((pattern, name[start..end].parse().ok()?))
-    }
-
-    /// The frames whose files exist, in order.
-    pub fn existing(&self) -> Result<Vec<u32>, Error> {
-        let folder = if self.folder.as_os_str().is_empty() {
-            Path::new(".")
-        } else {
-            &self.folder
-        };
-        let read_error = |source| Error::Read {
-            context: format!("cannot list {}", folder.display()),
-            source,
-        };
-        let mut frames = BTreeSet::new();
-        for entry in std::fs::read_dir(folder).map_err(read_error)? {
-            let name = entry.map_err(read_error)?.file_name();
-            frames.extend(name.to_str().and_then(|name| self.frame_of(name)));
-        }
-        Ok(frames.into_iter().collect())
-    }
-
-    fn frame_of(&self, name: &str) -> Option<u32> {
-        let number = name.strip_prefix(&self.before)?.strip_suffix(&self.after)?;
-        let frame: u32 = number
-            .bytes()
-            .all(|b| b.is_ascii_digit())
-            .then(|| number.parse().ok())??;
-        // a number that would be written otherwise is another sequence's
-        (format!("{frame:0width$}", width = self.digits) == number).then_some(frame)
-    }
-}
 
 /// A frame of a sequence.
 #[derive(Clone, Debug)]
@@ -333,41 +248,6 @@ fn identity(path: &Path) -> Option<u64> {
     Some(hasher.finish())
 }
 
-/// `####`: as many digits as there are hashes. The last run counts.
-fn find_hashes(name: &str) -> Option<(usize, usize, usize)> {
-    let end = name.rfind('#')? + 1;
-    let start = name[..end].rfind(|c| c != '#').map_or(0, |at| {
-        at + name[at..].chars().next().map_or(1, char::len_utf8)
-    });
-    Some((start, end, end - start))
-}
-
-/// `%04d` or `%d`.
-fn find_printf(name: &str) -> Option<(usize, usize, usize)> {
-    name.match_indices('%').find_map(|(start, _)| {
-        let rest = &name[start + 1..];
-        let digits = rest.find(|c: char| !c.is_ascii_digit())?;
-        let width = if digits == 0 {
-            1
-        } else {
-            rest[..digits].parse().ok().filter(|width| *width <= 9)?
-        };
-        rest[digits..]
-            .starts_with('d')
-            .then_some((start, start + digits + 2, width))
-    })
-}
-
-/// `$F4` or `$F`.
-fn find_dollar(name: &str) -> Option<(usize, usize, usize)> {
-    let start = name.find("$F")?;
-    let rest = &name[start + 2..];
-    match rest.bytes().next().filter(u8::is_ascii_digit) {
-        Some(digit) => Some((start, start + 3, usize::from(digit - b'0').max(1))),
-        None => Some((start, start + 2, 1)),
-    }
-}
-
 /// Parses `1-100x2,205`: ranges with an optional step, and single frames, joined by commas. A step may also be written `1-100:2`, as Open Job
 /// Description does. [`Error::Usage`] otherwise.
 pub fn parse_frames(text: &str) -> Result<Vec<u32>, Error> {
@@ -406,27 +286,6 @@ mod tests {
         }
         for text in ["", "5-1", "1-9x0", "1-9x2:2", "a", "1-", "0-4000000000"] {
             assert!(parse_frames(text).is_err(), "{text}");
-        }
-    }
-
-    #[test]
-    fn every_spelling_of_a_pattern_names_the_same_file() {
-        for pattern in ["a/shot.####.exr", "a/shot.%04d.exr", "a/shot.$F4.exr"] {
-            let pattern = FramePattern::parse(Path::new(pattern)).unwrap();
-            assert_eq!(pattern.path(37), Path::new("a/shot.0037.exr"));
-            assert_eq!(pattern.frame_of("shot.0037.exr"), Some(37));
-            assert_eq!(pattern.frame_of("shot.12345.exr"), Some(12345));
-            assert_eq!(pattern.frame_of("shot.037.exr"), None);
-            assert_eq!(pattern.frame_of("shot.+037.exr"), None);
-        }
-        for pattern in ["s#.exr", "s%d.exr", "s$F.exr"] {
-            assert_eq!(
-                FramePattern::parse(Path::new(pattern)).unwrap().path(5),
-                Path::new("s5.exr")
-            );
-        }
-        for plain in ["shot.exr", "100%.exr", "a$b.exr", "%x.exr"] {
-            assert_eq!(FramePattern::parse(Path::new(plain)), None, "{plain}");
         }
     }
 }

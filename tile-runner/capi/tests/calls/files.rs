@@ -143,6 +143,7 @@ fn frames_beside_an_image_help_as_in_the_job() {
     let (first, last, absent) = (c(before), c(after), c(&path("absent.exr")));
     let (befores, afters) = ([first.as_ptr()], [absent.as_ptr(), last.as_ptr()]);
     let host = Host::new();
+    host.options(|options| options.quality = 0).ok();
     let with = linpred_file_options {
         before: befores.as_ptr(),
         before_count: 1,

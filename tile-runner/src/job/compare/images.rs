@@ -11,8 +11,9 @@ use crate::channels::variance::{Meaning, Variance};
 use crate::error::Error;
 use crate::geometry::{ImageSize, plane_bytes};
 use crate::image::source::ExrSource;
-use crate::job::input::{Input, InputRequest};
+use crate::job::input::Input;
 use crate::job::memory::DEFAULT_MEMORY_LIMIT;
+use crate::job::request::InputRequest;
 use crate::row::{InputRow, RowSource};
 use crate::stream::threads::threads_to_use;
 

@@ -13,10 +13,11 @@ use std::ops::Range;
 use crate::channels::variance::{Count, Variance};
 use crate::error::{Error, Setting};
 use crate::image::area::Area;
-use crate::job::input::{Input, Wrap};
+use crate::job::input::Input;
 use crate::job::look::edges::{Seam, rendered_area};
 use crate::job::look::halves::HalvesLook;
 use crate::job::look::pixels::PixelsLook;
+use crate::job::request::Wrap;
 use crate::job::{memory, plan};
 use crate::row::{InputRow, RowSource};
 

@@ -9,8 +9,9 @@ use crate::error::Error;
 use crate::exr_file::attributes::{MERGED_ATTRIBUTE, VERSION_ATTRIBUTE};
 use crate::exr_file::compression::SharedCodec;
 use crate::exr_file::{ExrFile, PartRows};
-use crate::job::input::{Input, InputRequest};
+use crate::job::input::Input;
 use crate::job::merge::channels::Channels;
+use crate::job::request::InputRequest;
 
 /// A pass whose channels have their roles.
 #[derive(Debug)]
