@@ -87,6 +87,11 @@ impl PartRows {
         })
     }
 
+    /// Has chunks decoded by `codec` from now on.
+    pub(crate) fn decode_by(&mut self, codec: &SharedCodec) {
+        self.codec = codec.clone();
+    }
+
     /// Has `channel` decoded from now on.
     pub(crate) fn keep(&mut self, channel: usize) {
         self.kept[channel] = true;

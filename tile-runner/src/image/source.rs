@@ -9,6 +9,7 @@ use crate::channels::roles::layers::Layer;
 use crate::channels::roles::{FeatureChannels, Roles};
 use crate::channels::variance::{Count, Variance, to_variance_of_mean, variance_from_halves};
 use crate::error::Error;
+use crate::exr_file::compression::SharedCodec;
 use crate::exr_file::{ExrFile, PartRows};
 use crate::geometry::ImageSize;
 use crate::image::area::Area;
@@ -126,6 +127,13 @@ impl ExrSource {
     pub(crate) fn with_samples(mut self, count: Count) -> Self {
         self.layout.samples = true;
         self.samples = Some(count);
+        self
+    }
+
+    /// Decodes by `codec`, in turn with whoever else does.
+    pub(crate) fn decoded_by(mut self, codec: &SharedCodec) -> Self {
+        let parts = self.planes.parts.values_mut();
+        parts.for_each(|part| part.rows.decode_by(codec));
         self
     }
 

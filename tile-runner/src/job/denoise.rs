@@ -101,7 +101,7 @@ fn denoise_with(
     let mut sources = Vec::new();
     for picture in pictures {
         let threads = schedule.threads_of_each(pictures.len());
-        let source = HelpedRows::of(picture, options.memory_limit, threads, broken)?;
+        let source = HelpedRows::of(picture, options.memory_limit, schedule, threads, broken)?;
         sources.push(Rows::of(picture, source, &rows));
     }
     let mut sink = sink(input, output, rewrite, options, schedule, stop)?;

@@ -4,8 +4,10 @@ use std::num::NonZeroUsize;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::error::Error;
+use crate::exr_file::compression::SharedCodec;
 use crate::image::source::ExrSource;
 use crate::job::input::{Input, Neighbours, Unused};
+use crate::job::plan::Schedule;
 use crate::row::{InputRow, RowLayout, RowSource};
 use crate::temporal::Temporal;
 
@@ -76,10 +78,11 @@ pub(super) enum HelpedRows {
 }
 
 impl HelpedRows {
-    /// Rows of `picture`, worked out on so many threads. An error that is of a frame beside its own is told to `broken`. Errors as for [`Input::source`].
+    /// Rows of `picture`, worked out as `schedule` says, on so many threads. An error that is of a frame beside its own is told to `broken`. Errors as for [`Input::source`].
     pub(super) fn of(
         picture: &Input,
         limit: u64,
+        schedule: Schedule,
         threads: NonZeroUsize,
         broken: &Broken,
     ) -> Result<Self, Error> {
@@ -89,7 +92,14 @@ impl HelpedRows {
         else {
             return Ok(Self::Alone(Box::new(picture.source(limit)?)));
         };
-        let open = |picture: &Input, place| FrameRows::open(picture, limit, place, broken);
+        let codec = picture.file().codec();
+        let open = |picture: &Input, place| {
+            let rows = FrameRows::open(picture, limit, place, broken)?;
+            Ok::<_, Error>(match schedule.codes_at_once {
+                true => rows,
+                false => rows.decoded_by(codec),
+            })
+        };
         let side = |pictures: &[Input], place: fn(usize) -> Place| {
             let rows = pictures.iter().enumerate();
             rows.map(|(at, picture)| open(picture, Some(place(at))))
@@ -161,6 +171,16 @@ impl FrameRows {
             place,
             broken: broken.clone(),
         })
+    }
+}
+
+impl FrameRows {
+    /// See [`ExrSource::decoded_by`].
+    fn decoded_by(self, codec: &SharedCodec) -> Self {
+        Self {
+            source: self.source.decoded_by(codec),
+            ..self
+        }
     }
 }
 

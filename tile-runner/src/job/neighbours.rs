@@ -48,7 +48,9 @@ pub fn open_frame(request: &InputRequest, files: &NeighbourFiles) -> Result<Vec<
     check_count("after", &files.after)?;
     check_distinct(&request.path, files)?;
     let mut pictures = Input::open_all(request)?;
-    pictures.iter_mut().try_for_each(forget_silent_vectors)?;
+    let limit = request.memory_limit.unwrap_or(DEFAULT_MEMORY_LIMIT);
+    let forget = |picture: &mut Input| forget_silent_vectors(picture, limit);
+    pictures.iter_mut().try_for_each(forget)?;
     let mut unused = Vec::new();
     let before = open_side(&pictures, request, &files.before, &mut unused);
     let after = open_side(&pictures, request, &files.after, &mut unused);
@@ -138,9 +140,10 @@ fn open(
     if labels(pictures) != labels(&others) {
         return Err("it has other pictures (views, view layers)".into());
     }
+    let limit = request.memory_limit.unwrap_or(DEFAULT_MEMORY_LIMIT);
     others
         .iter_mut()
-        .try_for_each(forget_silent_vectors)
+        .try_for_each(|picture| forget_silent_vectors(picture, limit))
         .map_err(|error| format!("{error}{}", error.causes()))?;
     for (own, other) in pictures.iter().zip(&mut others) {
         // pixels are followed from one to the other: both are read where the frame itself is
@@ -154,9 +157,9 @@ fn open(
 }
 
 /// Takes motion vectors from a picture that are all 0, as Cycles writes them where motion blur is on: they would say that what moves stands still.
-fn forget_silent_vectors(picture: &mut Input) -> Result<(), Error> {
+fn forget_silent_vectors(picture: &mut Input, limit: u64) -> Result<(), Error> {
     let motion = picture.motion();
-    if !(motion.backward || motion.forward) || vectors_tell(picture)? {
+    if !(motion.backward || motion.forward) || vectors_tell(picture, limit)? {
         return Ok(());
     }
     let vectors = [Role::Motion, Role::MotionForward];
@@ -166,8 +169,8 @@ fn forget_silent_vectors(picture: &mut Input) -> Result<(), Error> {
 }
 
 /// Whether one of the vectors in the rows that are looked at is not 0.
-fn vectors_tell(picture: &Input) -> Result<bool, Error> {
-    let mut source = picture.source_in_sequence(DEFAULT_MEMORY_LIMIT)?;
+fn vectors_tell(picture: &Input, limit: u64) -> Result<bool, Error> {
+    let mut source = picture.source_in_sequence(limit)?;
     let mut row = InputRow::new(&source.layout());
     for y in strips(picture, picture.area.size.height())
         .into_iter()

@@ -139,7 +139,7 @@ pub(super) fn memory_plan(
     add_coding(&mut plan, pictures, &written, schedule.codes_at_once);
     add_writing(&mut plan, first, rewrite);
     let threads = schedule.threads_of_each(pictures.len());
-    add_neighbours(&mut plan, pictures, threads);
+    add_neighbours(&mut plan, pictures, schedule, threads);
     for input in pictures {
         add_reading(&mut plan, input);
         let layout = input.computed_layout();
@@ -161,17 +161,28 @@ pub(super) fn memory_plan(
     plan
 }
 
-/// What the frames that help the pictures take: they are read like the pictures' own, each by a codec of its own, and what is found in them is kept for some rows.
-fn add_neighbours(plan: &mut MemoryPlan, pictures: &[Input], threads: NonZeroUsize) {
+/// What the frames that help the pictures take: they are read like the pictures' own, each by a codec of its own or all by the picture's, and what is found in them is kept for some rows.
+fn add_neighbours(
+    plan: &mut MemoryPlan,
+    pictures: &[Input],
+    schedule: Schedule,
+    threads: NonZeroUsize,
+) {
     for picture in pictures {
         let Some(of) = &picture.neighbours else {
             continue;
         };
+        let mut coding = largest_coding(picture);
         for frame in picture.helpers() {
             add_tables(plan, frame);
             add_reading(plan, frame);
-            add_coding(plan, std::slice::from_ref(frame), &[], true);
             plan.add("open files", CODEC_AT_REST);
+            if schedule.codes_at_once {
+                add_coding(plan, std::slice::from_ref(frame), &[], true);
+            } else if largest_coding(frame) > coding {
+                plan.add("decoding larger chunks", largest_coding(frame) - coding);
+                coding = largest_coding(frame);
+            }
         }
         let (before, after) = (of.before.len(), of.after.len());
         if before + after > 0 {
@@ -182,6 +193,14 @@ fn add_neighbours(plan: &mut MemoryPlan, pictures: &[Input], threads: NonZeroUsi
             );
         }
     }
+}
+
+/// Working memory to decode the largest chunk of what is read of a picture.
+fn largest_coding(input: &Input) -> u64 {
+    let files = input.names.files();
+    let channels = input.channels_to_read().into_iter();
+    let parts = channels.map(|at| coding_bytes(&files[at.file].parts()[at.part]));
+    parts.max().unwrap_or(0)
 }
 
 /// What looking at some rows of `input` holds in memory, those of its halves beside its own.

@@ -23,9 +23,11 @@ pub(super) fn rows_held(layout: &RowLayout) -> usize {
 pub(super) struct HeldFrame<S> {
     source: S,
     layout: RowLayout,
+    /// Boxed, as most rows are not there.
     rows: Vec<Option<Box<InputRow>>>,
     /// Which those are.
     held: BTreeSet<usize>,
+    #[expect(clippy::vec_box, reason = "they go to and from the rows as they are")]
     spare: Vec<Box<InputRow>>,
     capacity: usize,
     /// The rows that were wanted since the last [`advance`](Self::advance).

@@ -197,5 +197,5 @@ impl Planes {
 }
 
 fn is_sky(depth: f32) -> bool {
-    !(depth.abs() < NO_SURFACE)
+    depth.is_nan() || depth.abs() >= NO_SURFACE
 }
