@@ -30,7 +30,7 @@ pub struct InputRequest {
     pub layers: Vec<String>,
     /// Whether the picture is a panorama.
     pub wrap: Wrap,
-    /// Bytes of memory that a look at the pixels may take; [`DEFAULT_MEMORY_LIMIT`] if `None`. Where it does not suffice nothing is looked at.
+    /// Bytes of memory that a look at the pixels may take; [`DEFAULT_MEMORY_LIMIT`](crate::job::DEFAULT_MEMORY_LIMIT) if `None`. Where it does not suffice nothing is looked at.
     pub memory_limit: Option<u64>,
 }
 
