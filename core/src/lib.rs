@@ -113,7 +113,7 @@ pub use params::{Formulas, Params, Quality};
 pub use sampling::{Sampler, pixel_hash};
 pub use temporal::{
     Averaged, COMPARED_PLANES, DEPTH_CHANGE, FrameRow, MEASURED_PLANES, TEMPORAL_RADIUS,
-    TEMPORAL_SPAN, average_frames, compare_frames, measure_frame, weigh_frames,
+    TEMPORAL_SPAN, average_frames, compare_frames, compare_own, measure_frame, weigh_frames,
 };
 pub use tile::{
     CELL, CHANNELS, FeatureSet, HALO, OtherFeatures, Pixel, PixelState, RADIUS, SETS, TILE,

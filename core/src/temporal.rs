@@ -36,6 +36,9 @@ pub const TEMPORAL_RADIUS: usize = 7;
 pub const TEMPORAL_SPAN: usize = 2 * TEMPORAL_RADIUS + 1;
 const WIDE: usize = RUN + 2 * TEMPORAL_RADIUS;
 
+/// By how much a frame's pixel outshines those of all others to be a firefly, as within a frame (`fireflies.rs`): it tells nothing of them, and stays where it is.
+const FIREFLY: f32 = 8.0;
+
 /// Half-width of the narrow neighbourhood.
 const NEAR: usize = 1;
 
@@ -72,6 +75,28 @@ const MISMATCH: usize = 9;
 const LUMINANCE: usize = 10;
 const SQUARES: usize = 11;
 
+/// Works out, pixel by pixel, what is to be summed up of a frame's row alone. Where no variances are known, its noise is what a difference of two such frames would be made of: what a pixel differs by from the mean of
+/// those left and right of it has 3/2 of a pixel's variance.
+#[inline(always)]
+pub fn compare_own(own: &FrameRow<'_>, known: &[f32], output: [&mut [f32]; COMPARED_PLANES]) {
+    let mut output = output;
+    for first in runs(known.len()) {
+        let mut values = [[0.0; RUN]; COMPARED_PLANES];
+        values[KNOWN] = *run(known, first);
+        radiance(own, own, first, &mut values);
+        if own.variance[0].is_empty() {
+            for c in 0..3 {
+                let around: &[f32; RUN + 2] = columns(own.colour[c], first - 1);
+                for x in 0..RUN {
+                    let difference = around[x + 1] - 0.5 * (around[x] + around[x + 2]);
+                    values[NOISE][x] += difference * difference * (2.0 / 1.5 / 3.0);
+                }
+            }
+        }
+        store_known(&mut output, first, &mut values);
+    }
+}
+
 /// Works out, pixel by pixel, what is to be summed up of a frame's row and of what a neighbour has there. `known` is 1 where both have a pixel, and 0 elsewhere, where
 /// their planes may hold anything.
 #[inline(always)]
@@ -83,22 +108,28 @@ pub fn compare_frames(
 ) {
     let mut output = output;
     for first in runs(known.len()) {
-        let known = run(known, first);
         let mut values = [[0.0; RUN]; COMPARED_PLANES];
-        values[KNOWN] = *known;
+        values[KNOWN] = *run(known, first);
         radiance(own, other, first, &mut values);
         features(own, other, first, &mut values);
-        for (plane, values) in output.iter_mut().zip(&mut values) {
-            for x in 0..RUN {
-                let finite = values[x].abs() <= f32::MAX;
-                values[x] = if finite && known[x] > 0.0 {
-                    values[x]
-                } else {
-                    0.0
-                };
-            }
-            store(plane, first, values);
+        store_known(&mut output, first, &mut values);
+    }
+}
+
+/// Stores the values of a run where they are known, and zeros elsewhere.
+#[inline(always)]
+fn store_known(
+    output: &mut [&mut [f32]; COMPARED_PLANES],
+    first: usize,
+    values: &mut [Run; COMPARED_PLANES],
+) {
+    let known = values[KNOWN];
+    for (plane, values) in output.iter_mut().zip(values) {
+        for x in 0..RUN {
+            let usable = known[x] > 0.0 && values[x].abs() <= f32::MAX;
+            values[x] = if usable { values[x] } else { 0.0 };
         }
+        store(plane, first, values);
     }
 }
 
@@ -189,7 +220,7 @@ fn features(
 }
 
 /// Planes of a row that [`measure_frame`] fills.
-pub const MEASURED_PLANES: usize = 13;
+pub const MEASURED_PLANES: usize = 14;
 
 // their places; each of the first four is followed by that of the wide neighbourhood
 const PIXELS: usize = 0;
@@ -202,6 +233,7 @@ const LUMINANCE_SUM: usize = 9;
 const DEPTH_MEAN: usize = 10;
 const IS_KNOWN: usize = 11;
 const UNEXPLAINED: usize = 12;
+const BRIGHTNESS: usize = 13;
 
 /// The place of the mean of Z_j / Z - 1, by which depths of a neighbour differ around a pixel.
 pub const DEPTH_CHANGE: usize = DEPTH_MEAN;
@@ -236,6 +268,7 @@ pub fn measure_frame(
             values[UNEXPLAINED][x] = beyond / at_least_one(around);
         }
         values[IS_KNOWN] = *run(planes[KNOWN][TEMPORAL_RADIUS], first);
+        values[BRIGHTNESS] = *run(planes[LUMINANCE][TEMPORAL_RADIUS], first);
         for (plane, values) in output.iter_mut().zip(&values) {
             store(plane, first, values);
         }
@@ -308,7 +341,8 @@ fn sum_columns<const R: usize>(down: &[f32; WIDE]) -> Run {
 }
 
 /// Works out the weights of the pixels of a row's neighbours, 0 to 1, where the frame's own weigh 1. `own` is what [`measure_frame`] makes of the frame compared with itself, `others` of each neighbour and where its
-/// weights go. `alike` is how many of them err in one way, 1 where each was found by its own motion. Where variances are not `known`, they are taken from the differences of the frames themselves: half the mean square of the least that there is over 15 x 15 pixels.
+/// weights go. `alike` is how many of them err in one way, 1 where each was found by its own motion. Where variances are not `known`, they are taken from the frames themselves, over 15 x 15 pixels: from what pixels differ by from those beside them, or from
+/// the neighbour that differs least, if that is less.
 #[inline(always)]
 pub fn weigh_frames(
     own: &[&[f32]; MEASURED_PLANES],
@@ -338,7 +372,9 @@ pub fn weigh_frames(
                 let variance = level.variance[x];
                 let squared = alike * (bias + mismatch);
                 let weight = variance / (variance + squared) * plane(SIMILAR)[x];
-                let usable = level.noisy[x] > 0.0 && plane(IS_KNOWN)[x] > 0.0 && weight > 0.0;
+                let outshines = plane(BRIGHTNESS)[x] > FIREFLY * level.ordinary[x];
+                let usable = level.noisy[x] > 0.0 && plane(IS_KNOWN)[x] > 0.0 && !outshines;
+                let usable = usable && weight > 0.0;
                 values[x] = if usable { weight } else { 0.0 };
             }
             store(weights, first, &values);
@@ -352,6 +388,8 @@ struct Level {
     radiance: Run,
     /// 0 where the frame has no noise.
     noisy: Run,
+    /// The second largest radiance that a frame has at the pixel itself.
+    ordinary: Run,
 }
 
 impl Level {
@@ -367,16 +405,30 @@ impl Level {
         let mut variance = plane(own, VARIANCE_SUM);
         let mut radiance = plane(own, LUMINANCE_SUM);
         let mut noisy = variance;
-        let mut least = [f32::MAX; RUN];
+        let mut least = plane(own, NOISE_MEAN + 1);
+        let (mut brightest, mut ordinary) = (plane(own, BRIGHTNESS), [0.0; RUN]);
         for (measured, _) in others {
             let [n, v, l] = [PIXELS, VARIANCE_SUM, LUMINANCE_SUM].map(|k| plane(measured, k));
             let [around, square] = [PIXELS + 1, NOISE_MEAN + 1].map(|k| plane(measured, k));
+            let brightness = plane(measured, BRIGHTNESS);
             for x in 0..RUN {
                 pixels[x] += n[x];
                 variance[x] += v[x];
                 radiance[x] += l[x];
                 let smaller = around[x] > 0.0 && square[x] < least[x];
                 least[x] = if smaller { square[x] } else { least[x] };
+                let (one, other) = (brightness[x], brightest[x]);
+                let (more, less) = if one > other {
+                    (one, other)
+                } else {
+                    (other, one)
+                };
+                brightest[x] = more;
+                ordinary[x] = if less > ordinary[x] {
+                    less
+                } else {
+                    ordinary[x]
+                };
             }
         }
         for x in 0..RUN {
@@ -384,11 +436,7 @@ impl Level {
             radiance[x] *= share;
             variance[x] *= share;
             if !known {
-                variance[x] = if least[x] < f32::MAX {
-                    0.5 * least[x]
-                } else {
-                    0.0
-                };
+                variance[x] = 0.5 * least[x];
                 noisy[x] = variance[x];
             }
         }
@@ -396,6 +444,7 @@ impl Level {
             variance,
             radiance,
             noisy,
+            ordinary,
         }
     }
 }

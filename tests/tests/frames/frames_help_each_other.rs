@@ -204,6 +204,124 @@ fn a_light_that_is_switched_leaves_no_ghost() {
 }
 
 #[test]
+fn where_neither_motion_nor_noise_is_told_a_frame_is_denoised_alone() {
+    let scene = Scene {
+        variances: false,
+        features: false,
+        ..Scene::new(SIDE, SIDE)
+    };
+    for step in [(0, 0), (3, 2)] {
+        let frames = shot(3, step, scene, Motion::default());
+        let (rows, own) = (helped(&frames, 1), alone(&frames[1]).rows);
+        assert!(colour_bits(&rows) == colour_bits(&own), "moved by {step:?}");
+    }
+}
+
+/// The light of the output over that of the truth.
+fn energy(rows: &[OutputRow], truth: &[[f32; 3]]) -> f64 {
+    let sum = |values: Vec<f32>| values.into_iter().map(f64::from).sum::<f64>();
+    let colours = rows.iter().flat_map(|row| row.colour.concat()).collect();
+    sum(colours) / sum(truth.concat())
+}
+
+#[test]
+fn a_flash_keeps_its_light_whether_variances_are_known_or_not() {
+    for variances in [true, false] {
+        let scene = Scene {
+            variances,
+            ..Scene::new(SIDE, SIDE)
+        };
+        let mut frames = shot(5, (3, 2), scene, BACKWARD);
+        for row in &mut frames[2].rows {
+            row.colour
+                .iter_mut()
+                .flatten()
+                .for_each(|value| *value *= 10.0);
+            row.variance
+                .iter_mut()
+                .flatten()
+                .for_each(|value| *value *= 100.0);
+        }
+        frames[2]
+            .truth
+            .iter_mut()
+            .flatten()
+            .for_each(|value| *value *= 10.0);
+        let (rows, own) = (helped(&frames, 2), alone(&frames[2]).rows);
+        let [light, before] = [&rows, &own].map(|rows| energy(rows, &frames[2].truth));
+        assert!(
+            (light - before).abs() < 0.02,
+            "variances {variances}: {light} of the light, {before} alone"
+        );
+        let [help, own] = [&rows, &own].map(|rows| error(rows, &frames[2].truth));
+        assert!(
+            help < 1.05 * own,
+            "variances {variances}: {help} with help, {own} without"
+        );
+    }
+}
+
+#[test]
+fn fireflies_of_neighbours_stay_with_them() {
+    let mut frames = shot(5, (0, 0), Scene::new(SIDE, SIDE), BACKWARD);
+    // one in each frame, beside those of the others: their variances are alike
+    for (k, frame) in frames.iter_mut().enumerate() {
+        for c in 0..3 {
+            frame.rows[30].colour[c][30 + k] = 1e4;
+            frame.rows[30].variance[c][30 + k] = 1e8;
+        }
+    }
+    let rows = helped(&frames, 2);
+    let brightest = rows
+        .iter()
+        .flat_map(|row| row.colour.concat())
+        .fold(0.0, f32::max);
+    assert!(brightest < 10.0, "{brightest} is left");
+}
+
+#[test]
+fn a_camera_that_rolls_reads_no_row_twice() {
+    struct Counted<'a>(Rows<'a>, &'a std::sync::atomic::AtomicUsize);
+    impl RowSource for Counted<'_> {
+        fn layout(&self) -> RowLayout {
+            self.0.layout()
+        }
+        fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), Error> {
+            self.1.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+            self.0.read_row(y, row)
+        }
+    }
+    let mut frames = shot(2, (0, 0), Scene::new(160, 160), BACKWARD);
+    let angle = 0.3_f32;
+    for (y, row) in frames[1].rows.iter_mut().enumerate() {
+        for x in 0..160 {
+            let (dx, dy) = (x as f32 - 80.0, y as f32 - 80.0);
+            row.backward[0][x] = dx * angle.cos() - dy * angle.sin() - dx;
+            row.backward[1][x] = dx * angle.sin() + dy * angle.cos() - dy;
+        }
+    }
+    let (own, other) = (Default::default(), Default::default());
+    let [of_own, of_other] = [&own, &other];
+    let made = Temporal::new(
+        Counted(Rows(&frames[1]), of_own),
+        vec![Counted(Rows(&frames[0]), of_other)],
+        Vec::new(),
+        NonZeroUsize::MIN,
+    );
+    run(&mut made.expect("the frames are alike"));
+    let read = other.load(std::sync::atomic::Ordering::Relaxed);
+    assert!((100..=160).contains(&read), "{read} rows of 160 were read");
+}
+
+#[test]
+fn fewer_held_rows_change_no_bit() {
+    let frames = shot(3, (1, 20), Scene::new(SIDE, 150), BACKWARD);
+    let few = beside(&frames, 1, 1).holding(2);
+    let bits = |mut source: Temporal<Rows<'_>>| colour_bits(&run(&mut source));
+    assert!(bits(few) == bits(beside(&frames, 1, 1)));
+}
+
+#[test]
 fn what_a_cut_separates_does_not_help() {
     let mut frames = shot(2, (0, 0), Scene::new(SIDE, SIDE), BACKWARD);
     // the next frame shows another part of the scene, and says that it stands still

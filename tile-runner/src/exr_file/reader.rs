@@ -212,6 +212,26 @@ impl ExrFile {
         self.read_at(at, payload)
     }
 
+    /// Checks that the file holds every chunk, by the tables and by the one that lies last; what is in them is not decoded.
+    pub(crate) fn check_complete(&self) -> Result<(), Error> {
+        let tables = self.offsets.iter().enumerate();
+        let all = tables.flat_map(|(part, table)| {
+            let chunks = table.iter().enumerate();
+            chunks.map(move |(index, offset)| (*offset, part, index))
+        });
+        let mut last = None;
+        for chunk @ (offset, part, index) in all {
+            if offset == 0 || offset >= self.length {
+                self.find_chunk(part, index)?;
+            }
+            last = last.max(Some(chunk));
+        }
+        match last {
+            Some((_, part, index)) => self.read_payload(part, index, &mut Vec::new()),
+            None => Ok(()),
+        }
+    }
+
     /// Reads and checks a chunk's head; gives it and where its payload begins.
     fn find_chunk(&self, part: usize, index: usize) -> Result<(ChunkHead, u64), Error> {
         let described = &self.parts[part];

@@ -107,7 +107,7 @@ impl HelpedRows {
         };
         let own = open(picture, None)?;
         let (before, after) = (side(before, Place::Before)?, side(after, Place::After)?);
-        let rows = Temporal::new(own, before, after, threads)?;
+        let rows = Temporal::new(own, before, after, threads)?.holding(schedule.rows_held);
         Ok(Self::Helped(Box::new(rows)))
     }
 

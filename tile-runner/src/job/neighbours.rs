@@ -7,12 +7,13 @@ use same_file::Handle;
 
 use crate::channels::presets::Role;
 use crate::channels::roles::in_words;
+use crate::channels::variance::Variance;
 use crate::error::Error;
 use crate::job::input::{Input, Neighbours, Unused};
 use crate::job::look::strips;
 use crate::job::memory::DEFAULT_MEMORY_LIMIT;
 use crate::job::request::InputRequest;
-use crate::row::{InputRow, RowLayout, RowSource};
+use crate::row::{InputRow, Motion, RowLayout, RowSource};
 use linpred_core::Feature;
 
 /// Frames on each side that help where nothing else is said.
@@ -145,6 +146,14 @@ fn open(
         .iter_mut()
         .try_for_each(|picture| forget_silent_vectors(picture, limit))
         .map_err(|error| format!("{error}{}", error.causes()))?;
+    // bands of one frame agree on what helps them, whichever rows they read
+    for file in others.iter().flat_map(|picture| picture.names.files()) {
+        let complete = file.check_complete();
+        complete.map_err(|error| format!("{error}{}", error.causes()))?;
+    }
+    if pictures.iter().zip(&others).all(|pair| nothing_tells(pair)) {
+        return Err("neither motion, positions nor variances tell what moves from what is noise: each frame is denoised alone".into());
+    }
     for (own, other) in pictures.iter().zip(&mut others) {
         // pixels are followed from one to the other: both are read where the frame itself is
         other.area = own.area;
@@ -154,6 +163,12 @@ fn open(
         other.layers.retain(|layer| layer.is_light);
     }
     Ok(others)
+}
+
+/// Whether nothing of two frames says what moves, and nothing how noisy they are: their differences may be either.
+fn nothing_tells((own, other): (&Input, &Input)) -> bool {
+    let still = [own, other].map(|input| input.motion() == Motion::default());
+    still == [true, true] && matches!(own.roles.variance, Variance::None)
 }
 
 /// Takes motion vectors from a picture that are all 0, as Cycles writes them where motion blur is on: they would say that what moves stands still.

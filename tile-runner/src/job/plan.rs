@@ -24,6 +24,9 @@ use crate::temporal::Temporal;
 /// The program itself, its tables and what the allocator keeps back (measured: 5 to 8 MiB).
 const PROGRAM: u64 = 10 << 20;
 
+/// Rows of a frame that helps which are held at least: what most motion takes.
+const FEWEST_ROWS_HELD: usize = 16;
+
 /// How a job runs: what of it can be given up to save memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Schedule {
@@ -33,6 +36,8 @@ pub struct Schedule {
     pub rows_in_flight: usize,
     /// Whether chunks are decoded and encoded at once, each with working memory of its own, or in turn.
     pub codes_at_once: bool,
+    /// Rows that are held at most of each frame that helps (see [`Temporal::holding`]).
+    pub rows_held: usize,
 }
 
 impl Schedule {
@@ -66,18 +71,41 @@ pub(crate) fn schedule(
         threads: NonZeroUsize::MIN,
         rows_in_flight: 0,
         codes_at_once: false,
+        rows_held: FEWEST_ROWS_HELD,
     };
     let params = options.pipeline.params;
     let plan = |schedule| (schedule, memory_plan(pictures, rewrite, params, schedule));
     let fits = |(_, plan): &(Schedule, MemoryPlan)| plan.total() <= options.memory_limit;
+    let held = rows_held(pictures);
     schedules(threads, may_code_at_once(pictures, rewrite))
         .into_iter()
+        .flat_map(|schedule| {
+            let held = held.iter();
+            held.map(move |&rows_held| Schedule {
+                rows_held,
+                ..schedule
+            })
+        })
         .map(plan)
         .find(fits)
         .unwrap_or_else(|| plan(frugal))
 }
 
-/// Schedules from the fastest to the most frugal.
+/// Rows of each frame that helps, that are worth holding: as many as may be wanted at once, or parts of that.
+fn rows_held(pictures: &[Input]) -> Vec<usize> {
+    let helped = pictures
+        .iter()
+        .filter(|picture| picture.helpers().next().is_some());
+    let most =
+        helped.map(|picture| Temporal::<ExrSource>::most_rows(&picture.layout_in_sequence()));
+    let most = most.max().unwrap_or(0);
+    let halves = std::iter::successors(Some(most), |rows| Some(rows / 2));
+    let mut all: Vec<usize> = halves.take_while(|rows| *rows > FEWEST_ROWS_HELD).collect();
+    all.push(FEWEST_ROWS_HELD);
+    all
+}
+
+/// Schedules from the fastest to the most frugal, with the fewest rows held.
 fn schedules(threads: NonZeroUsize, at_once: bool) -> Vec<Schedule> {
     let mut all = Vec::new();
     if threads.get() > 1 {
@@ -92,6 +120,7 @@ fn schedules(threads: NonZeroUsize, at_once: bool) -> Vec<Schedule> {
             threads,
             rows_in_flight,
             codes_at_once,
+            rows_held: FEWEST_ROWS_HELD,
         }));
     }
     let mut fewer = Some(threads);
@@ -100,6 +129,7 @@ fn schedules(threads: NonZeroUsize, at_once: bool) -> Vec<Schedule> {
             threads,
             rows_in_flight: 0,
             codes_at_once: false,
+            rows_held: FEWEST_ROWS_HELD,
         });
         fewer = NonZeroUsize::new(threads.get() / 2);
     }
@@ -189,7 +219,7 @@ fn add_neighbours(
             let layout = picture.layout_in_sequence();
             plan.add(
                 format!("following pixels through {before} frames before and {after} after"),
-                Temporal::<ExrSource>::bytes(&layout, before, after, threads),
+                Temporal::<ExrSource>::bytes(&layout, [before, after], schedule.rows_held, threads),
             );
         }
     }

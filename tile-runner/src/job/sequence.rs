@@ -155,7 +155,14 @@ fn one_side(
         let number = number_of(&request.path, &inputs)?;
         let other = request.other_half.as_deref();
         let others = other.map(pattern_of_halves).transpose()?;
-        let existing = inputs.existing()?.into_iter().collect();
+        let existing: BTreeSet<u32> = inputs.existing()?.into_iter().collect();
+        if existing.is_empty() {
+            return Err(Error::Usage(format!(
+                "{}: no file has such a name: what should stand beside {} is not there",
+                path.display(),
+                request.path.display()
+            )));
+        }
         let shot = Shot {
             inputs,
             others,

@@ -8,8 +8,9 @@ use linpred_core::{
     FilteredGroup, FinishedPlane, FrameRow, LIGHT_PLANES, LitRow, MEASURED_PLANES, NoiseBlock,
     NoisyBlock, Params, Precisions, RESTORE_SPAN, SMOOTH_SPAN, Scratch, Smoothing, SpeckRow,
     Surroundings, TEMPORAL_SPAN, TILE_FEATURES, WeightBlock, average_frames, compare_frames,
-    compare_light, denoise_cells, despeckle, estimate_colour_noise, estimate_feature_noise,
-    find_factors, measure_frame, prefilter, smooth, weigh_frames, weigh_pixels, weigh_samples,
+    compare_light, compare_own, denoise_cells, despeckle, estimate_colour_noise,
+    estimate_feature_noise, find_factors, measure_frame, prefilter, smooth, weigh_frames,
+    weigh_pixels, weigh_samples,
 };
 
 /// Cells that a thread denoises side by side: the lanes of the widest registers in double precision.
@@ -132,6 +133,14 @@ dispatched! {
     ) -> ()
 }
 
+dispatched! {
+    /// [`linpred_core::compare_own`].
+    compare_own(
+        own: &FrameRow<'_>,
+        known: &[f32],
+        output: [&mut [f32]; COMPARED_PLANES]
+    ) -> ()
+}
 dispatched! {
     /// [`linpred_core::compare_frames`].
     compare_frames(

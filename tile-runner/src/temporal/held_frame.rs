@@ -6,15 +6,21 @@ use std::ops::Range;
 use crate::error::Error;
 use crate::row::{InputRow, Motion, RowLayout, RowSource};
 
-/// Bytes of rows that are held of a frame: those that the pixels of a row are found in, and some to spare.
-const HELD_BYTES: u64 = 8 << 20;
-/// Rows that are held at least, and at most.
-const HELD_ROWS: Range<u64> = 16..128;
+/// Rows by which a pixel may lie higher or lower in a neighbour: a part of the picture's height, and these at least.
+const REACH: usize = 64;
+const PARTS_OF_HEIGHT: usize = 8;
 
-/// Rows that are held of a frame.
-pub(super) fn rows_held(layout: &RowLayout) -> usize {
-    let rows = HELD_BYTES / InputRow::bytes(layout).max(1);
-    rows.clamp(HELD_ROWS.start, HELD_ROWS.end) as usize
+/// Rows that are kept beside those that were wanted last.
+pub(super) const SPARE: usize = 4;
+
+/// Rows by which pixels are followed up and down.
+fn reach(layout: &RowLayout) -> usize {
+    REACH.max(layout.size.height() / PARTS_OF_HEIGHT)
+}
+
+/// Rows that may be held of a frame so that none is ever read twice: those that the pixels of a row can be in, and one more, for the next row.
+pub(super) fn most_rows(layout: &RowLayout) -> usize {
+    (2 * reach(layout) + 2).min(layout.size.height())
 }
 
 /// A frame whose rows are read when they are wanted, and held until there are too many: then the farthest from the wanted one goes. What comes out of it
@@ -32,6 +38,8 @@ pub(super) struct HeldFrame<S> {
     capacity: usize,
     /// The rows that were wanted since the last [`advance`](Self::advance).
     wanted: Range<usize>,
+    /// The rows in which pixels are looked for.
+    within: Range<usize>,
 }
 
 impl<S: RowSource> HeldFrame<S> {
@@ -43,9 +51,26 @@ impl<S: RowSource> HeldFrame<S> {
             rows: (0..layout.size.height()).map(|_| None).collect(),
             held: BTreeSet::new(),
             spare: Vec::new(),
-            capacity: rows_held(&layout),
+            capacity: most_rows(&layout),
             wanted: 0..0,
+            within: 0..layout.size.height(),
         }
+    }
+
+    /// Holds at most so many rows, two at least.
+    pub(super) fn hold(&mut self, rows: usize) {
+        self.capacity = rows.max(2);
+    }
+
+    /// Pixels of row `y` of the frame beside it will be looked for.
+    pub(super) fn look_from(&mut self, y: usize) {
+        let (reach, height) = (reach(&self.layout), self.height());
+        self.within = y.saturating_sub(reach)..height.min(y + reach + 1);
+    }
+
+    /// The rows in which they are: no others are read for them, so that what turns or is wild does not read the whole frame for each row.
+    pub(super) fn within(&self) -> Range<usize> {
+        self.within.clone()
     }
 
     pub(super) fn width(&self) -> usize {
@@ -100,12 +125,25 @@ impl<S: RowSource> HeldFrame<S> {
         }
     }
 
-    /// Reads ahead what the next row of the frame beside it will want, if it wants what the last one did, a row further down. What cannot be
-    /// read is told when it is wanted.
+    /// Reads ahead what the next row of the frame beside it will want, if it wants what the last one did, a row further down; and lets go of what lies far from
+    /// that. What cannot be read is told when it is wanted.
     pub(super) fn advance(&mut self) {
         let height = self.height();
         let next = (self.wanted.start + 1).min(height)..(self.wanted.end + 1).min(height);
         self.wanted = 0..0;
+        let kept = next.start.saturating_sub(SPARE)..next.end + SPARE;
+        let far: Vec<usize> = self
+            .held
+            .iter()
+            .copied()
+            .filter(|y| !kept.contains(y))
+            .collect();
+        for y in far {
+            self.held.remove(&y);
+            self.spare.extend(self.rows[y].take());
+        }
+        // what has been let go makes room for as many rows, and no more
+        self.spare.truncate(SPARE);
         if next.len() <= self.capacity {
             for y in next {
                 if self.load(y).is_err() {

@@ -34,10 +34,13 @@ use crate::stream::instruction_set::InstructionSet;
 use crate::stream::row_ring::RowRing;
 use crate::stream::sum_of_variances;
 use crate::stream::threads::{Threads, pool, stack_bytes};
-use crate::temporal::held_frame::rows_held;
+use crate::temporal::held_frame::most_rows;
 use crate::temporal::neighbour::{Comparison, Neighbour};
 use crate::temporal::planes::{Planes, averaged_mut};
 use crate::temporal::side::{Direction, Side};
+
+/// Rows of a neighbour that wait to be filled again.
+const HELD_BESIDE: usize = held_frame::SPARE;
 
 /// A frame of a sequence and its neighbours, as one source of rows.
 ///
@@ -79,7 +82,7 @@ impl<S: Debug> Debug for Temporal<S> {
 
 impl<S: RowSource> Temporal<S> {
     /// The frame `own`, helped by the frames `before` it and `after` it, each nearest first. Their rows are asked for in any order, and some of them several times; those of `own` from top
-    /// to bottom. They may lack the scalars that the frame has.
+    /// to bottom. They may lack the scalars that the frame has. Where nothing tells how surfaces move, and no variances how noisy they are, neighbours do not help: a difference may be either.
     ///
     /// [`Error::Usage`] if a neighbour's rows do not hold what the frame's do, [`Error::Budget`] if the system gives no threads.
     pub fn new(
@@ -134,14 +137,36 @@ impl<S: RowSource> Temporal<S> {
         &self.own
     }
 
-    /// Bytes that it takes at most beside its sources, for frames of this layout with so many neighbours before and after.
-    pub fn bytes(layout: &RowLayout, before: usize, after: usize, threads: NonZeroUsize) -> u64 {
+    /// Holds at most so many rows of each neighbour. With [`most_rows`](Self::most_rows) no row is read twice; with fewer some are, where the pixels of a row are found in more rows than that, as where a camera rolls. The
+    /// bits do not depend on it.
+    pub fn holding(mut self, rows: usize) -> Self {
+        for side in &mut self.sides {
+            side.neighbours
+                .iter_mut()
+                .for_each(|one| one.frame.hold(rows));
+        }
+        self
+    }
+
+    /// The most rows that it holds of each neighbour, for frames of this layout: a pixel is looked for no farther up or down than an eighth of the picture's height, or 64 rows.
+    pub fn most_rows(layout: &RowLayout) -> usize {
+        most_rows(layout)
+    }
+
+    /// Bytes that it takes at most beside its sources, for frames of this layout with so many neighbours before and after, of each of which it holds so many rows.
+    pub fn bytes(
+        layout: &RowLayout,
+        [before, after]: [usize; 2],
+        held: usize,
+        threads: NonZeroUsize,
+    ) -> u64 {
         let (neighbours, width) = (before + after, layout.size.width());
         let rows = TEMPORAL_RADIUS + 1;
         let planes = Planes::count(layout);
         let averaged = (neighbours + 1) * rows * planes + planes;
         let compared = (neighbours + 1) * Comparison::PLANES + neighbours;
-        let held = InputRow::bytes(layout).saturating_mul((neighbours * rows_held(layout)) as u64);
+        let held =
+            InputRow::bytes(layout).saturating_mul((neighbours * (held + HELD_BESIDE)) as u64);
         let tables = (size_of::<usize>() * neighbours * layout.size.height()) as u64;
         [
             padded_bytes(width, averaged + compared),
@@ -177,8 +202,7 @@ impl<S: RowSource> Temporal<S> {
         row.planes.take(&row.input);
         row.planes.pad();
         let (row, instruction_set) = (&*row, self.instruction_set);
-        self.comparison
-            .push(&row.planes, &row.planes, instruction_set);
+        self.comparison.push_own(&row.planes, instruction_set);
         let [before, after] = &mut self.sides;
         self.pool.install(|| {
             both(before, after).for_each(|one| one.frame.advance());
@@ -213,7 +237,12 @@ impl<S: RowSource> Temporal<S> {
                 .map(|one| (one.comparison.measured(), one.weights.padded_mut()))
                 .collect();
             let own_measured: &[&[f32]; MEASURED_PLANES] = &measured;
-            let alike = if moves { 1.0 } else { others.len() as f32 };
+            let alike = match (moves, known) {
+                (true, _) => 1.0,
+                (false, true) => others.len() as f32,
+                // no weight is left
+                (false, false) => f32::INFINITY,
+            };
             instruction_set.weigh_frames(own_measured, &mut others, alike, known);
             let neighbours = before.neighbours.iter().chain(&after.neighbours);
             let neighbours: Vec<_> = neighbours

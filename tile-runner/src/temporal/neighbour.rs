@@ -40,15 +40,27 @@ impl Comparison {
         self.rows.restart(y);
     }
 
-    /// Compares the next row.
+    /// Compares the next row with that of another frame.
     pub(super) fn push(&mut self, own: &Planes, other: &Planes, instruction_set: InstructionSet) {
+        self.fill_next(|output| {
+            let known = other.known.padded();
+            instruction_set.compare_frames(&own.row(), &other.row(), known, output);
+        });
+    }
+
+    /// Takes the next row of the frame itself.
+    pub(super) fn push_own(&mut self, own: &Planes, instruction_set: InstructionSet) {
+        self.fill_next(|output| {
+            instruction_set.compare_own(&own.row(), own.known.padded(), output);
+        });
+    }
+
+    fn fill_next(&mut self, fill: impl FnOnce([&mut [f32]; COMPARED_PLANES])) {
         let width = self.zeros.width();
         let row = self
             .rows
             .push(|| std::array::from_fn(|_| Plane::new(width)));
-        let output = row.each_mut().map(Plane::padded_mut);
-        let known = other.known.padded();
-        instruction_set.compare_frames(&own.row(), &other.row(), known, output);
+        fill(row.each_mut().map(Plane::padded_mut));
         row.iter_mut().for_each(Plane::pad_with_zeros);
     }
 

@@ -108,16 +108,16 @@ impl Planes {
         frame: &mut HeldFrame<S>,
         own: &Self,
     ) -> Result<(), Error> {
-        let (width, height) = (frame.width(), frame.height());
+        let (width, rows) = (frame.width(), frame.within());
         let mut x = 0;
         while x < width {
-            let Some([column, y]) = track.pixel(x, width, height) else {
+            let Some([column, y]) = track.pixel(x, width, &rows) else {
                 self.known.image_mut()[x] = 0.0;
                 x += 1;
                 continue;
             };
             // pixels that lie side by side there, too, are copied at once
-            let beside = |i: &usize| track.pixel(x + i, width, height) == Some([column + i, y]);
+            let beside = |i: &usize| track.pixel(x + i, width, &rows) == Some([column + i, y]);
             let length = 1 + (1..width - x).take_while(beside).count();
             let row = frame.row(y)?;
             for (own, plane) in self.planes.iter_mut().zip(averaged(row)) {

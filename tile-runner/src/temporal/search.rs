@@ -17,6 +17,9 @@ fn reach(width: usize) -> i32 {
     (width as i32 / 32).clamp(16, 128)
 }
 
+/// Pixels that one moves at most, as far as the search believes.
+const FARTHEST: f32 = 1e6;
+
 /// Columns to either side of a pixel whose steps are averaged with its own.
 const AVERAGED: usize = 6;
 /// By how much those may differ from it, in pixels.
@@ -84,9 +87,9 @@ fn point_at<S: RowSource>(
     frame: &mut HeldFrame<S>,
     [x, y]: [i32; 2],
 ) -> Result<Option<[f32; 3]>, Error> {
-    let (width, height) = (frame.width(), frame.height());
+    let (width, rows) = (frame.width(), frame.within());
     match (usize::try_from(x), usize::try_from(y)) {
-        (Ok(x), Ok(y)) if x < width && y < height => Ok(point(frame.row(y)?, x)),
+        (Ok(x), Ok(y)) if x < width && rows.contains(&y) => Ok(point(frame.row(y)?, x)),
         _ => Ok(None),
     }
 }
@@ -114,7 +117,7 @@ fn begin<S: RowSource>(
     frame: &mut HeldFrame<S>,
 ) -> Result<[i32; 2], Error> {
     let step = [track.x[x] - x as f32, track.y[x] - y as f32];
-    let known = step[0].is_finite();
+    let known = step.iter().all(|step| step.abs() <= FARTHEST);
     let guess = step.map(|step| if known { (step * beyond) as i32 } else { 0 });
     let Some(wanted) = point(row, x) else {
         return Ok(guess);

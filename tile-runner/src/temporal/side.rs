@@ -66,6 +66,9 @@ impl<S: RowSource> Side<S> {
         };
         self.track.start(row.colour[0].len(), y);
         self.begin_steps(row, own);
+        self.neighbours
+            .iter_mut()
+            .for_each(|one| one.frame.look_from(y));
         for distance in 0..self.neighbours.len() {
             let (passed, ahead) = self.neighbours.split_at_mut(distance);
             let (Some(next), last) = (ahead.first_mut(), passed.last_mut()) else {

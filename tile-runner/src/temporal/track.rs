@@ -1,5 +1,7 @@
 //! Where the pixels of a row are in the frames beside it.
 
+use std::ops::Range;
+
 use crate::error::Error;
 use crate::row::{InputRow, RowSource};
 use crate::temporal::held_frame::HeldFrame;
@@ -37,19 +39,20 @@ impl Track {
     }
 
     /// The pixel that is nearest to where pixel `i` of the row is, if there is one.
-    pub(super) fn pixel(&self, i: usize, width: usize, height: usize) -> Option<[usize; 2]> {
-        nearest([self.x[i], self.y[i]], width, height)
+    pub(super) fn pixel(&self, i: usize, width: usize, rows: &Range<usize>) -> Option<[usize; 2]> {
+        nearest([self.x[i], self.y[i]], width, rows)
     }
 }
 
-/// The pixel that a place lies in.
-fn nearest([x, y]: [f32; 2], width: usize, height: usize) -> Option<[usize; 2]> {
-    let index = |value: f32, end: usize| {
+/// The pixel that a place lies in, if it is in one of these rows.
+fn nearest([x, y]: [f32; 2], width: usize, rows: &Range<usize>) -> Option<[usize; 2]> {
+    let index = |value: f32, range: &Range<usize>| {
         let value = (value + 0.5).floor();
         // also false for NaN
-        (value >= 0.0 && value < end as f32).then_some(value as usize)
+        let inside = value >= range.start as f32 && value < range.end as f32;
+        inside.then_some(value as usize)
     };
-    Some([index(x, width)?, index(y, height)?])
+    Some([index(x, &(0..width))?, index(y, rows)?])
 }
 
 /// Motion vectors of a row: towards the one neighbour or the other.
@@ -65,9 +68,9 @@ pub(super) fn follow<S: RowSource>(
     frame: &mut HeldFrame<S>,
     vectors: Vectors,
 ) -> Result<(), Error> {
-    let (width, height) = (frame.width(), frame.height());
+    let (width, rows) = (frame.width(), frame.within());
     for i in 0..width {
-        let moved = match track.pixel(i, width, height) {
+        let moved = match track.pixel(i, width, &rows) {
             Some([x, y]) => {
                 let [right, down] = vector(frame.row(y)?, vectors, x);
                 Some([track.x[i] + right, track.y[i] + down])
@@ -111,12 +114,12 @@ fn step_back<S: RowSource>(
     next: &mut HeldFrame<S>,
     vectors: Vectors,
 ) -> Result<Option<[f32; 2]>, Error> {
-    let (width, height) = (next.width(), next.height());
+    let (width, rows) = (next.width(), next.within());
     let mut step = guess.map(|value| if value.is_finite() { value } else { 0.0 });
     let (mut best, mut least) = (None, INVERSE_MISS);
     for _ in 0..INVERSE_STEPS {
         let there = [place[0] + step[0], place[1] + step[1]];
-        let Some([x, y]) = nearest(there, width, height) else {
+        let Some([x, y]) = nearest(there, width, &rows) else {
             break;
         };
         let back = vector(next.row(y)?, vectors, x).map(|value| -value);
