@@ -75,8 +75,7 @@ const MISMATCH: usize = 9;
 const LUMINANCE: usize = 10;
 const SQUARES: usize = 11;
 
-/// Works out, pixel by pixel, what is to be summed up of a frame's row alone. Where no variances are known, its noise is what a difference of two such frames would be made of: what a pixel differs by from the mean of
-/// those left and right of it has 3/2 of a pixel's variance.
+/// Works out, pixel by pixel, what is to be summed up of a frame's row alone. Where no variances are known, its noise is that of a difference of two such frames.
 #[inline(always)]
 pub fn compare_own(own: &FrameRow<'_>, known: &[f32], output: [&mut [f32]; COMPARED_PLANES]) {
     let mut output = output;
@@ -85,12 +84,8 @@ pub fn compare_own(own: &FrameRow<'_>, known: &[f32], output: [&mut [f32]; COMPA
         values[KNOWN] = *run(known, first);
         radiance(own, own, first, &mut values);
         if own.variance[0].is_empty() {
-            for c in 0..3 {
-                let around: &[f32; RUN + 2] = columns(own.colour[c], first - 1);
-                for x in 0..RUN {
-                    let difference = around[x + 1] - 0.5 * (around[x] + around[x + 2]);
-                    values[NOISE][x] += difference * difference * (2.0 / 1.5 / 3.0);
-                }
+            for x in 0..RUN {
+                values[NOISE][x] = 2.0 * values[OWN_VARIANCE][x];
             }
         }
         store_known(&mut output, first, &mut values);
@@ -156,6 +151,8 @@ fn radiance(
     }
     if own.variance[0].is_empty() {
         values[NOISE] = values[SQUARES];
+        values[OWN_VARIANCE] = grain(own, first);
+        values[VARIANCE] = grain(other, first);
         return;
     }
     for c in 0..3 {
@@ -175,6 +172,21 @@ fn radiance(
     for x in 0..RUN {
         values[NOISE][x] = values[OWN_VARIANCE][x] + values[VARIANCE][x];
     }
+}
+
+/// What the noise of pixels looks like, mean over the channels: what one differs by from the mean of those left and right of it has 3/2 of a pixel's variance, and what
+/// texture there is.
+#[inline(always)]
+fn grain(row: &FrameRow<'_>, first: usize) -> Run {
+    let mut grain = [0.0; RUN];
+    for colour in row.colour {
+        let around: &[f32; RUN + 2] = columns(colour, first - 1);
+        for x in 0..RUN {
+            let difference = around[x + 1] - 0.5 * (around[x] + around[x + 2]);
+            grain[x] += difference * difference * (1.0 / 1.5 / 3.0);
+        }
+    }
+    grain
 }
 
 /// What there is to compare of the features.

@@ -24,6 +24,18 @@ struct Pixel {
     albedo: [f64; 3],
     depth: f64,
     known: bool,
+    /// See [`grain`].
+    grain: f64,
+}
+
+impl Pixel {
+    fn black(self) -> Self {
+        Self {
+            colour: [0.0; 3],
+            known: true,
+            ..self
+        }
+    }
 }
 
 /// Pixel (x, y) of a frame; frame 0 is the one that is helped. Light is off on the left of frame 2, depths grow from frame to frame, frame 1 lacks some pixels.
@@ -46,6 +58,7 @@ fn pixel(frame: usize, x: usize, y: usize) -> Pixel {
         albedo: three(9, 0.1).map(|grain| grain + 0.3),
         depth: (3.0 + edge + 0.02 * grain(12)) * (1.0 + 0.1 * frame as f64),
         known: frame != 1 || !(x + 2 * y).is_multiple_of(11),
+        grain: 0.0,
     }
 }
 
@@ -128,9 +141,10 @@ fn around(frame: usize, x: usize, radius: usize) -> Vec<(Pixel, Pixel)> {
     let mut pairs = Vec::new();
     for y in ROW.saturating_sub(radius)..=ROW + radius {
         for x in x.saturating_sub(radius)..=(x + radius).min(WIDTH - 1) {
-            let other = pixel(frame, x, y);
+            let (mut own, mut other) = (pixel(0, x, y), pixel(frame, x, y));
+            (own.grain, other.grain) = (grain(0, x, y), grain(frame, x, y));
             if other.known {
-                pairs.push((pixel(0, x, y), other));
+                pairs.push((own, other));
             }
         }
     }
@@ -151,21 +165,18 @@ fn square(a: [f64; 3], b: [f64; 3]) -> f64 {
     of_channels(std::array::from_fn(|c| (a[c] - b[c]) * (a[c] - b[c])))
 }
 
-/// The mean over 15 x 15 pixels of what those of the frame differ by from the mean of their neighbours left and right, as the variance of a pixel. Beyond the image the test has zeros.
-fn grain_around(x: usize) -> f64 {
-    let mut all = Vec::new();
-    for y in ROW.saturating_sub(7)..=ROW + 7 {
-        for x in x.saturating_sub(7)..=(x + 7).min(WIDTH - 1) {
-            let at = |x: Option<usize>| match x {
-                Some(x) if x < WIDTH => pixel(0, x, y).colour,
-                _ => [0.0; 3],
-            };
-            let (left, right) = (at(x.checked_sub(1)), at(Some(x + 1)));
-            let beside = std::array::from_fn(|c| 0.5 * (left[c] + right[c]));
-            all.push(square(pixel(0, x, y).colour, beside) / 1.5);
-        }
-    }
-    mean(all)
+/// What pixel (x, y) of a frame differs by from the mean of its neighbours left and right, as the variance of a pixel; 0 where one is missing. Beyond the image the test has zeros.
+fn grain(frame: usize, x: usize, y: usize) -> f64 {
+    let at = |x: usize| match x {
+        1..=WIDTH => Some(pixel(frame, x - 1, y)).filter(|own| own.known),
+        _ => Some(pixel(frame, 0, y).black()),
+    };
+    // columns from 1 on, so that there is one before the first
+    let [Some(left), Some(own), Some(right)] = [x, x + 1, x + 2].map(at) else {
+        return 0.0;
+    };
+    let beside = std::array::from_fn(|c| 0.5 * (left.colour[c] + right.colour[c]));
+    square(own.colour, beside) / 1.5
 }
 
 /// The definition, as the module's documentation has it.
@@ -191,7 +202,11 @@ fn weight(frame: usize, x: usize, variances: bool, alike: f64) -> f64 {
     };
     let variance = match variances {
         true => mean(near_variance),
-        false => (0.5 * differences(1).min(differences(2))).min(grain_around(x)),
+        false => {
+            let own = around(0, x, 7);
+            let grain = mean(own.iter().map(|(own, _)| own.grain));
+            grain.min(0.5 * differences(1).min(differences(2)))
+        }
     };
     let radiance = mean(near_radiance);
     let (mut bias, mut similar) = (0.0_f64, 1.0);
@@ -205,17 +220,19 @@ fn weight(frame: usize, x: usize, variances: bool, alike: f64) -> f64 {
             )
         };
         let squared = of_channels([shift(0), shift(1), shift(2)].map(|shift| shift * shift));
-        let [own, other] = match variances {
-            true => [
-                mean(pairs.iter().map(|(own, _)| noise_of(own))),
-                mean(pairs.iter().map(|(_, other)| noise_of(other))),
-            ],
-            false => [variance; 2],
+        let noise = |pixel: &Pixel| match variances {
+            true => noise_of(pixel),
+            false => pixel.grain,
         };
-        bias = bias.max(squared - (own + other) / pairs.len() as f64);
-        if variances {
-            similar *= 4.0 * own * other / (own + other).powi(2);
-        }
+        let own = mean(pairs.iter().map(|(own, _)| noise(own)));
+        let other = mean(pairs.iter().map(|(_, other)| noise(other)));
+        similar *= 4.0 * own * other / (own + other).powi(2);
+        let both = if variances {
+            own + other
+        } else {
+            2.0 * variance
+        };
+        bias = bias.max(squared - both / pairs.len() as f64);
         if radius == 7 && variances {
             bias = bias.max(differences(frame) - own - other);
         }

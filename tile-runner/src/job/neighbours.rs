@@ -151,7 +151,7 @@ fn open(
         let complete = file.check_complete();
         complete.map_err(|error| format!("{error}{}", error.causes()))?;
     }
-    if pictures.iter().zip(&others).all(|pair| nothing_tells(pair)) {
+    if pictures.iter().zip(&others).all(nothing_tells) {
         return Err("neither motion, positions nor variances tell what moves from what is noise: each frame is denoised alone".into());
     }
     for (own, other) in pictures.iter().zip(&mut others) {

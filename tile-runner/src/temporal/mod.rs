@@ -277,12 +277,17 @@ impl<S: RowSource> Temporal<S> {
             own.copy_from_slice(scalar);
         }
         row.samples.copy_from_slice(&input.samples);
+        let known = self.layout.variance != VarianceKind::Estimated;
         let [light, variance] = &mut row.light;
         let ([red, green, blue], [r, g, b]) = (&input.colour, &input.variance);
         for x in 0..light.len() {
             light[x] = (red[x] + green[x] + blue[x]) * (1.0 / 3.0);
             let channels = [[r[x], red[x]], [g[x], green[x]], [b[x], blue[x]]];
-            variance[x] = sum_of_variances(channels);
+            variance[x] = if known {
+                sum_of_variances(channels)
+            } else {
+                f32::NAN
+            };
         }
         row.frames.fill(1.0);
         for side in &mut self.sides {
