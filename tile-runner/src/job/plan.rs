@@ -24,6 +24,9 @@ use crate::temporal::Temporal;
 /// The program itself, its tables and what the allocator keeps back (measured: 5 to 8 MiB).
 const PROGRAM: u64 = 10 << 20;
 
+/// Bytes of rows that are held of a frame that helps at most. A camera that rolls by 2 degrees from a frame to the next takes as many at 4096 columns.
+const HELD_BYTES: u64 = 64 << 20;
+
 /// Rows of a frame that helps which are held at least: what most motion takes.
 const FEWEST_ROWS_HELD: usize = 16;
 
@@ -91,13 +94,16 @@ pub(crate) fn schedule(
         .unwrap_or_else(|| plan(frugal))
 }
 
-/// Rows of each frame that helps, that are worth holding: as many as may be wanted at once, or parts of that.
+/// Rows of each frame that helps, that are worth holding: as many as may be wanted at once, as far as [`HELD_BYTES`] go, or parts of that.
 fn rows_held(pictures: &[Input]) -> Vec<usize> {
     let helped = pictures
         .iter()
         .filter(|picture| picture.helpers().next().is_some());
-    let most =
-        helped.map(|picture| Temporal::<ExrSource>::most_rows(&picture.layout_in_sequence()));
+    let most = helped.map(|picture| {
+        let layout = picture.layout_in_sequence();
+        let affordable = (HELD_BYTES / InputRow::bytes(&layout).max(1)) as usize;
+        Temporal::<ExrSource>::most_rows(&layout).min(affordable)
+    });
     let most = most.max().unwrap_or(0);
     let halves = std::iter::successors(Some(most), |rows| Some(rows / 2));
     let mut all: Vec<usize> = halves.take_while(|rows| *rows > FEWEST_ROWS_HELD).collect();

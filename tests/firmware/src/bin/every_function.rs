@@ -15,9 +15,9 @@ use linpred_core::{
     FinishedPlane, FrameRow, Gram, LitRow, MEASURED_PLANES, NoiseBlock, NoisyBlock,
     NormalEquations, Precisions, Prior, Rls, SMOOTHINGS, Sampler, SpeckRow, Surroundings,
     SymmetricEigen, TEMPORAL_SPAN, WeightBlock, average_frames, compare_frames, compare_light,
-    despeckle, estimate_colour_noise, estimate_feature_noise, find_factors, find_fireflies,
-    level_of, measure_frame, pixel_hash, prefilter, smooth, weigh_frames, weigh_pixels,
-    weigh_samples,
+    compare_own, despeckle, estimate_colour_noise, estimate_feature_noise, find_factors,
+    find_fireflies, level_of, measure_frame, pixel_hash, prefilter, smooth, weigh_frames,
+    weigh_pixels, weigh_samples,
 };
 
 fn recursion<const T: usize>() {
@@ -150,6 +150,8 @@ fn frames(plane: &[f32], outputs: &mut [&mut [f32]; 5]) {
         plane(),
         black_box(compared),
     );
+    let compared = core::array::from_fn(|_| -> &mut [f32] { &mut [] });
+    compare_own(black_box(&row), plane(), black_box(compared));
     let mut measured = core::array::from_fn(|_| -> &mut [f32] { &mut [] });
     let rows = [[plane(); TEMPORAL_SPAN]; COMPARED_PLANES];
     measure_frame(black_box(&rows), black_box(&mut measured));
