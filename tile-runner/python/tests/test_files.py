@@ -175,7 +175,10 @@ def test_a_sequence_is_denoised_frame_by_frame(tmp_path: Path) -> None:
 
 def test_frames_that_help_each_other_are_those_of_the_command(tmp_path: Path) -> None:
     for frame in range(1, 5):
-        small_file(tmp_path / f"shot.{frame}.exr", frame)
+        # without motion or variances no frame would help another
+        channels = dict(zip("RGB", noise(30, 40, frame).transpose(2, 0, 1)))
+        motion = np.ones((30, 40), np.float32)
+        write(tmp_path / f"shot.{frame}.exr", {**channels, "motion.X": motion, "motion.Y": motion})
     done = command("denoise", tmp_path / "shot.#.exr", "-o", tmp_path / "command.#.exr", "--temporal", "--quality", "fast")
     assert done.returncode == 0, done.stderr
     shot = tmp_path / "shot.#.exr"

@@ -222,12 +222,8 @@ impl<S: RowSource> Temporal<S> {
         let (comparison, averages) = (&mut self.comparison, &mut self.averages);
         let own = &self.rows.row(y).planes;
         self.pool.install(|| {
-            let neighbours = before
-                .neighbours
-                .par_iter_mut()
-                .chain(&mut after.neighbours);
             comparison.measure(y, height, instruction_set);
-            neighbours.for_each(|one| {
+            both(before, after).for_each(|one| {
                 one.comparison.measure(y, height, instruction_set);
                 one.change_depths(y);
             });
