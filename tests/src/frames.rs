@@ -386,6 +386,21 @@ impl RowSource for Asked<'_> {
     }
 }
 
+/// A frame whose rows may be asked for in any order, and several times.
+#[derive(Clone, Copy, Debug)]
+pub struct AnyRow<'a>(pub &'a Frame);
+
+impl RowSource for AnyRow<'_> {
+    fn layout(&self) -> RowLayout {
+        self.0.layout
+    }
+
+    fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), Error> {
+        row.clone_from(&self.0.rows[y]);
+        Ok(())
+    }
+}
+
 struct Taken {
     rows: Vec<OutputRow>,
 }

@@ -7,9 +7,6 @@
 from __future__ import annotations
 
 import argparse
-import os
-import platform
-import subprocess
 import sys
 import tempfile
 import time
@@ -127,23 +124,10 @@ def loop_seconds(scene: str, arguments: argparse.Namespace):
         yield (scene, samples, done.passes, round(done.rendering, 2), round(done.other, 2))
 
 
-def machine() -> str:
-    try:
-        text = Path("/proc/cpuinfo").read_text()
-        model = next(line.split(":")[1].strip() for line in text.splitlines() if line.startswith("model name"))
-    except (OSError, StopIteration):
-        model = platform.processor() or platform.machine()
-    return f"{model} x{os.cpu_count()}"
-
-
-def revision() -> str:
-    found = subprocess.run(["git", "-C", str(HERE), "describe", "--always", "--dirty"], capture_output=True, text=True)
-    return found.stdout.strip() or "unknown"
-
-
 def main() -> None:
     asked = arguments()
-    sys.path[:0] = [str(HERE), str(asked.referee)]
+    sys.path[:0] = [str(HERE), str(HERE.parent), str(asked.referee)]
+    import provenance
     import renders
     import report
     import score
@@ -156,7 +140,7 @@ def main() -> None:
         renders.render_series(scene, asked.scenes, asked.cache)
         renders.reference(scene, asked.scenes, asked.cache, asked.stored, score)
     with open(asked.out / "commands.txt", "a") as file:
-        file.write(f"{began} {machine()} {revision()}: python {' '.join(sys.argv)}\n")
+        file.write(f"{began} {provenance.machine()} {provenance.revision()}: python {' '.join(sys.argv)}\n")
     tasks = [Task(scene, seed, asked.seeds, asked) for seed in range(asked.seeds) for scene in scenes]
     rows = []
     with ProcessPoolExecutor(asked.processes) as workers:

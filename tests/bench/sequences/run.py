@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import platform
-import subprocess
 import sys
 import tempfile
 import time
@@ -19,13 +17,16 @@ from pathlib import Path
 for library in ("OPENBLAS", "OMP", "MKL"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
+HERE = Path(__file__).resolve().parent
+sys.path.append(str(HERE.parent))
+
 import frames
 import judge
+import provenance
 import report
 import strip
 from methods import METHODS, Bench, Failed
 
-HERE = Path(__file__).resolve().parent
 TOLERANCE = 1e-9
 """Between the referee's figures and these, relative."""
 
@@ -83,20 +84,6 @@ def compare(bench: Bench, method: str, measured: list[judge.Measured], referee: 
                 sys.exit(f"{sequence.label}, frame {number}, {method}: {name} is {own}, the referee's {other}")
 
 
-def machine() -> str:
-    try:
-        text = Path("/proc/cpuinfo").read_text()
-        model = next(line.split(":")[1].strip() for line in text.splitlines() if line.startswith("model name"))
-    except (OSError, StopIteration):
-        model = platform.processor() or platform.machine()
-    return f"{model} x{os.cpu_count()}"
-
-
-def revision() -> str:
-    found = subprocess.run(["git", "-C", str(HERE), "describe", "--always", "--dirty"], capture_output=True, text=True)
-    return found.stdout.strip() or "unknown"
-
-
 def main() -> None:
     asked = arguments()
     sequences = [sequence for folder in asked.sequences for sequence in frames.find(folder) if not asked.only or sequence.name in asked.only.split(",")]
@@ -105,7 +92,7 @@ def main() -> None:
     methods = [method for method in METHODS if not asked.methods or method in asked.methods.split(";")]
     asked.out.mkdir(parents=True, exist_ok=True)
     with open(asked.out / "commands.txt", "a") as file:
-        file.write(f"{time.strftime('%Y-%m-%d')} {machine()} {revision()}: python {' '.join(sys.argv)}\n")
+        file.write(f"{time.strftime('%Y-%m-%d')} {provenance.machine()} {provenance.revision()}: python {' '.join(sys.argv)}\n")
     for sequence in sequences:
         bench = Bench(sequence, asked.linpred, asked.pictures / sequence.slug)
         for method in methods:

@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 use exr::prelude::FlatSamples;
 use linpred_tests::command::{Ran, denoise_file, linpred_path};
 use linpred_tests::images::{
-    NamedSamples, channel_names, everything, float, part, read, values, write,
+    NamedSamples, channel_names, constant, everything, float, part, read, values, write,
 };
 use serde_json::Value;
 
@@ -96,6 +96,28 @@ fn each_frame_is_helped_by_those_beside_it_as_far_as_the_shot_goes() {
         counts(&helped(&ran)),
         [(0, 1), (1, 1), (1, 1), (1, 1), (1, 0)]
     );
+}
+
+#[test]
+fn a_shot_that_tells_nothing_of_motion_is_spoken_of_once() {
+    let folder = shot(&[1, 2]);
+    let said = run(folder.path(), "out.####.exr", &[]).succeeds().stderr();
+    let words = "neither motion vectors nor positions";
+    assert_eq!(said.matches(words).count(), 1, "{said}");
+    // a frame alone does not ask for any
+    let alone = denoise(folder.path(), "shot.0001.exr", "alone.exr", &[]);
+    assert!(!alone.succeeds().stderr().contains(words));
+    for number in [1, 2] {
+        let pixels = SIZE.0 * SIZE.1;
+        let mut channels = channels(number, SIZE);
+        channels.extend(["motion.X", "motion.Y"].map(|name| constant(name, pixels, 0.0)));
+        write(&frame(folder.path(), number), SIZE, vec![part(channels)]);
+    }
+    let said = run(folder.path(), "again.####.exr", &[])
+        .succeeds()
+        .stderr();
+    let words = "motion vectors are all 0";
+    assert_eq!(said.matches(words).count(), 1, "{said}");
 }
 
 #[test]

@@ -5,23 +5,9 @@ use std::ops::ControlFlow;
 
 use linpred::temporal::Temporal;
 use linpred::{Error, InputRow, Motion, Options, OutputRow, Params, RowLayout, RowSource, denoise};
-use linpred_tests::frames::{Frame, Output, Scene};
+use linpred_tests::frames::{AnyRow, Frame, Output, Scene};
 
 const SIDE: usize = 64;
-
-/// A frame whose rows may be asked for in any order.
-struct Rows<'a>(&'a Frame);
-
-impl RowSource for Rows<'_> {
-    fn layout(&self) -> RowLayout {
-        self.0.layout
-    }
-
-    fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), Error> {
-        row.clone_from(&self.0.rows[y]);
-        Ok(())
-    }
-}
 
 const BACKWARD: Motion = Motion {
     backward: true,
@@ -62,11 +48,16 @@ fn shot(count: usize, step: (usize, usize), scene: Scene, motion: Motion) -> Vec
 }
 
 /// Frame `k` helped by up to two frames on either side.
-fn beside(frames: &[Frame], k: usize, threads: usize) -> Temporal<Rows<'_>> {
-    let before = frames[k.saturating_sub(2)..k].iter().rev().map(Rows);
-    let after = frames[k + 1..].iter().take(2).map(Rows);
+fn beside(frames: &[Frame], k: usize, threads: usize) -> Temporal<AnyRow<'_>> {
+    let before = frames[k.saturating_sub(2)..k].iter().rev().map(AnyRow);
+    let after = frames[k + 1..].iter().take(2).map(AnyRow);
     let threads = NonZeroUsize::new(threads).expect("at least one");
-    let temporal = Temporal::new(Rows(&frames[k]), before.collect(), after.collect(), threads);
+    let temporal = Temporal::new(
+        AnyRow(&frames[k]),
+        before.collect(),
+        after.collect(),
+        threads,
+    );
     temporal.expect("the frames are alike")
 }
 
@@ -281,7 +272,7 @@ fn fireflies_of_neighbours_stay_with_them() {
 
 #[test]
 fn a_camera_that_rolls_reads_no_row_twice() {
-    struct Counted<'a>(Rows<'a>, &'a std::sync::atomic::AtomicUsize);
+    struct Counted<'a>(AnyRow<'a>, &'a std::sync::atomic::AtomicUsize);
     impl RowSource for Counted<'_> {
         fn layout(&self) -> RowLayout {
             self.0.layout()
@@ -303,8 +294,8 @@ fn a_camera_that_rolls_reads_no_row_twice() {
     let (own, other) = (Default::default(), Default::default());
     let [of_own, of_other] = [&own, &other];
     let made = Temporal::new(
-        Counted(Rows(&frames[1]), of_own),
-        vec![Counted(Rows(&frames[0]), of_other)],
+        Counted(AnyRow(&frames[1]), of_own),
+        vec![Counted(AnyRow(&frames[0]), of_other)],
         Vec::new(),
         NonZeroUsize::MIN,
     );
@@ -317,7 +308,7 @@ fn a_camera_that_rolls_reads_no_row_twice() {
 fn fewer_held_rows_change_no_bit() {
     let frames = shot(3, (1, 20), Scene::new(SIDE, 150), BACKWARD);
     let few = beside(&frames, 1, 1).holding(2);
-    let bits = |mut source: Temporal<Rows<'_>>| colour_bits(&run(&mut source));
+    let bits = |mut source: Temporal<AnyRow<'_>>| colour_bits(&run(&mut source));
     assert!(bits(few) == bits(beside(&frames, 1, 1)));
 }
 
@@ -472,8 +463,8 @@ fn a_neighbour_of_another_size_is_refused() {
         Scene::new(SIDE, SIDE - 1).render(),
     ];
     let made = Temporal::new(
-        Rows(&frames[0]),
-        vec![Rows(&frames[1])],
+        AnyRow(&frames[0]),
+        vec![AnyRow(&frames[1])],
         Vec::new(),
         NonZeroUsize::MIN,
     );

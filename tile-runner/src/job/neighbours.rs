@@ -57,6 +57,11 @@ pub fn open_frame(request: &InputRequest, files: &NeighbourFiles) -> Result<Vec<
     let after = open_side(&pictures, request, &files.after, &mut unused);
     let of_picture = |side: &[Vec<Input>], n: usize| side.iter().map(|p| p[n].clone()).collect();
     for (n, picture) in pictures.iter_mut().enumerate() {
+        if !(before.is_empty() && after.is_empty()) && picture.motion() == Motion::default() {
+            picture.roles.notes.push(
+                "neither motion vectors nor positions: the frames beside it help where nothing moves".into(),
+            );
+        }
         picture.neighbours = Some(Neighbours {
             before: of_picture(&before, n),
             after: of_picture(&after, n),
@@ -180,6 +185,9 @@ fn forget_silent_vectors(picture: &mut Input, limit: u64) -> Result<(), Error> {
     let vectors = [Role::Motion, Role::MotionForward];
     let assignments = &mut picture.roles.assignments;
     assignments.retain(|assignment| !vectors.contains(&assignment.role));
+    picture.roles.notes.push(
+        "motion vectors are all 0, as where nothing moves, and as Cycles writes them where motion blur is on: not used".into(),
+    );
     Ok(())
 }
 

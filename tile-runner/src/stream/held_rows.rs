@@ -10,7 +10,7 @@ use crate::stream::borders::{clamped, copy_clamped, copy_mirrored, mirrored};
 use crate::stream::row_ring::RowRing;
 
 /// Radiances and features beyond this magnitude count as not finite: their squares would leave `f32`.
-const LARGEST: f32 = 1e15;
+pub(crate) const LARGEST: f32 = 1e15;
 
 /// Depths from here on are what renderers write where a ray leaves the scene.
 pub(crate) const NO_SURFACE: f32 = 1e9;

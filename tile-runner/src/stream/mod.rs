@@ -20,4 +20,4 @@ mod sum_rows;
 pub mod survey;
 pub(crate) mod threads;
 
-pub(crate) use held_rows::{NO_SURFACE, sum_of_variances};
+pub(crate) use held_rows::{LARGEST, NO_SURFACE, sum_of_variances};

@@ -23,7 +23,7 @@ mod track;
 use std::fmt::{self, Debug};
 use std::num::NonZeroUsize;
 
-use linpred_core::{MEASURED_PLANES, TEMPORAL_RADIUS};
+use linpred_core::TEMPORAL_RADIUS;
 use rayon::prelude::*;
 
 use crate::error::Error;
@@ -206,8 +206,10 @@ impl<S: RowSource> Temporal<S> {
         let [before, after] = &mut self.sides;
         self.pool.install(|| {
             both(before, after).for_each(|one| one.frame.advance());
-            let (first, second) =
-                rayon::join(|| before.find(&row.input, y), || after.find(&row.input, y));
+            let (first, second) = rayon::join(
+                || before.find(&row.input, y, frames.motion),
+                || after.find(&row.input, y, frames.motion),
+            );
             first.and(second)?;
             both(before, after).try_for_each(|one| one.push(&row.planes, &frames, instruction_set))
         })
@@ -232,14 +234,13 @@ impl<S: RowSource> Temporal<S> {
             let mut others: Vec<_> = neighbours
                 .map(|one| (one.comparison.measured(), one.weights.padded_mut()))
                 .collect();
-            let own_measured: &[&[f32]; MEASURED_PLANES] = &measured;
             let alike = match (moves, known) {
                 (true, _) => 1.0,
                 (false, true) => others.len() as f32,
                 // no weight is left
                 (false, false) => f32::INFINITY,
             };
-            instruction_set.weigh_frames(own_measured, &mut others, alike, known);
+            instruction_set.weigh_frames(&measured, &mut others, alike, known);
             let neighbours = before.neighbours.iter().chain(&after.neighbours);
             let neighbours: Vec<_> = neighbours
                 .map(|one| (one.weights.padded(), one.pixels.row(y)))

@@ -4,13 +4,10 @@ use linpred_core::{Averaged, FEATURES, Feature, FrameRow};
 
 use crate::error::Error;
 use crate::row::{InputRow, RowLayout, RowSource, VarianceKind};
-use crate::stream::NO_SURFACE;
 use crate::stream::finish::planes::Plane;
+use crate::stream::{LARGEST, NO_SURFACE};
 use crate::temporal::held_frame::HeldFrame;
 use crate::temporal::track::Track;
-
-/// Radiances beyond this magnitude count as not finite, as in the pipeline.
-const LARGEST: f32 = 1e15;
 
 // places of the planes; after them those of the layers, and the alpha
 const COLOUR: usize = 0;
@@ -80,7 +77,7 @@ impl Planes {
         }
     }
 
-    /// What a neighbour's plane in this place is to be multiplied by where its depths are `1 + change` times as large.
+    /// By which power of the factor of a neighbour's depths its plane in this place is to be divided: 0 for what is no depth.
     pub(super) fn depth_power(place: usize) -> i32 {
         let depth = Feature::Depth.range().start;
         match place {

@@ -57,13 +57,8 @@ impl<S: RowSource> Side<S> {
         self.neighbours.iter_mut().for_each(|one| one.begin(y));
     }
 
-    /// Finds the pixels of row `y` of the frame, which is `row`, in every neighbour.
-    pub(super) fn find(&mut self, row: &InputRow, y: usize) -> Result<(), Error> {
-        let own = Motion {
-            backward: !row.backward[0].is_empty(),
-            forward: !row.forward[0].is_empty(),
-            position: !row.position[0].is_empty(),
-        };
+    /// Finds the pixels of row `y` of the frame, which is `row` and tells of motion what `own` says, in every neighbour.
+    pub(super) fn find(&mut self, row: &InputRow, y: usize, own: Motion) -> Result<(), Error> {
         self.track.start(row.colour[0].len(), y);
         self.begin_steps(row, own);
         self.neighbours
