@@ -8,7 +8,7 @@ use crate::picture::{Cell, Picture, Prepared, Reference};
 use crate::statistics::{correlation, mean, rank_correlation};
 
 /// Every so many pixels of a picture, in either direction, are centres.
-const STRIDE: usize = 6;
+const STRIDE: usize = 7;
 
 /// What is chosen for one centre.
 #[derive(Clone, Copy, Debug)]
@@ -18,6 +18,8 @@ struct Choice {
     /// Half-width with the least estimated error, and with the least true one.
     estimated: usize,
     reference: usize,
+    /// The same without r = 0, whose true error is that of one pixel and may be small by chance.
+    wider: [usize; 2],
     /// True mean squared error over the prediction window of either, and of the pixel itself.
     error: f64,
     least_error: f64,
@@ -64,7 +66,7 @@ fn ways() -> [Way; 4] {
 }
 
 /// Columns of [`rows`].
-pub(crate) const COLUMNS: &str = "way,centres,correlation,correlation of cells,rank correlation,mean k,mean k of the reference,own pixel,own pixel of the reference,error over the reference's choice,\
+pub(crate) const COLUMNS: &str = "way,centres,correlation,correlation of cells,correlation from r = 1 on,correlation of cells from r = 1 on,rank correlation,mean k,mean k of the reference,own pixel,own pixel of the reference,error over the reference's choice,\
     own error over the reference's choice,widest: correlation of logarithms,reference choices of two renders,estimate with the other render's reference";
 
 /// A line for each way. With the `other` render of as many samples, also how alike the reference's choices are of two renders.
@@ -86,6 +88,7 @@ fn row(way: Way, own: &[Choice], others: Option<&[Choice]>) -> String {
     let k = |radius: usize| pixels_within(radius) as f64;
     let estimated: Vec<f64> = own.iter().map(|c| k(c.estimated)).collect();
     let reference: Vec<f64> = own.iter().map(|c| k(c.reference)).collect();
+    let wider = |i: usize| -> Vec<f64> { own.iter().map(|c| k(c.wider[i])).collect() };
     let sum = |of: fn(&Choice) -> f64| own.iter().map(of).sum::<f64>();
     let share = |of: fn(&Choice) -> usize| {
         own.iter().filter(|c| of(c) == 0).count() as f64 / own.len() as f64
@@ -106,6 +109,11 @@ fn row(way: Way, own: &[Choice], others: Option<&[Choice]>) -> String {
         Some(correlation(
             &over_cells(own, &estimated),
             &over_cells(own, &reference),
+        )),
+        Some(correlation(&wider(0), &wider(1))),
+        Some(correlation(
+            &over_cells(own, &wider(0)),
+            &over_cells(own, &wider(1)),
         )),
         Some(rank_correlation(&estimated, &reference)),
         Some(mean(&estimated)),
@@ -167,7 +175,7 @@ fn choose(
     let window = Window::new(&cell.tile, position, way.params);
     let models = window.models();
     let mut noise = noise_within(cell, &window).into_iter();
-    let candidates: Vec<(usize, f64, f64)> = models
+    let candidates: Vec<Candidate> = models
         .iter()
         .map(|model| {
             let mut risk = model.risk;
@@ -182,24 +190,29 @@ fn choose(
             )
         })
         .collect();
-    let least = |of: fn(&(usize, f64, f64)) -> f64| {
-        candidates
-            .iter()
-            .copied()
-            .min_by(|a, b| of(a).total_cmp(&of(b)))
-    };
-    let (estimated, _, error) = least(|c| c.1)?;
-    let (chosen, _, least_error) = least(|c| c.2)?;
+    let (estimated, _, error) = least(&candidates, |c| c.1)?;
+    let (chosen, _, least_error) = least(&candidates, |c| c.2)?;
+    let wider = candidates.get(1..)?;
     let widest = candidates.last()?;
     Some(Choice {
         cell: number,
         estimated,
         reference: chosen,
+        wider: [least(wider, |c| c.1)?.0, least(wider, |c| c.2)?.0],
         error,
         least_error,
         own_error: candidates.first()?.2,
         widest: [widest.1, widest.2 * window.squared_scale()],
     })
+}
+
+/// Half-width, estimated and true error.
+type Candidate = (usize, f64, f64);
+
+/// The first with the least of a figure.
+fn least(candidates: &[Candidate], of: fn(&Candidate) -> f64) -> Option<Candidate> {
+    let each = candidates.iter().copied();
+    each.min_by(|a, b| of(a).total_cmp(&of(b)))
 }
 
 /// Mean variance of the pixels within each half-width, in the unit of the window's risks.

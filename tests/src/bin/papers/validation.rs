@@ -33,7 +33,7 @@ impl Estimate {
     /// All that are compared, and what they are called.
     pub(crate) const ALL: [(&'static str, Self); 6] = [
         ("iterative validation", Self::Iterative),
-        ("iterative validation, noise taken off", Self::WithoutNoise),
+        ("iterative validation without the noise", Self::WithoutNoise),
         ("cross validation", Self::CrossValidation),
         ("residuals of the fit", Self::Residuals),
         ("r = 1 everywhere", Self::Fixed(1)),
