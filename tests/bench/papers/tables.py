@@ -78,7 +78,13 @@ def _crossed(row: str, value: str) -> Callable[[list[Row]], list[str]]:
 
 
 def _several(row: str, *values: str) -> Callable[[list[Row]], list[str]]:
-    return lambda rows: [line for value in values for line in (*_crossed(row, value)(rows), "")]
+    """A table for each value that some line has."""
+
+    def table(rows: list[Row]) -> list[str]:
+        there = [value for value in values if any(found.get(value) for found in rows)]
+        return [line for value in there for line in (*_crossed(row, value)(rows), "")]
+
+    return table
 
 
 def _validation(rows: list[Row]) -> list[str]:
