@@ -82,16 +82,18 @@ def plot(found: list[dict[str, str]], path: Path) -> None:
 
     matplotlib.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "linpred", "font.size": 9})
     scenes = sorted({row["scene"] for row in found})
-    drawing, panels = plt.subplots(1, len(scenes), figsize=(1.6 + 3.4 * len(scenes), 3.6), squeeze=False, sharey=True)
+    drawing, panels = plt.subplots(1, len(scenes), figsize=(2.4 + 4.4 * len(scenes), 4), squeeze=False, sharey=True)
     for panel, scene in zip(panels[0], scenes):
         for method, colour in COLOURS.items():
             points = [(int(row["samples"]), float(row["rmse"])) for row in found if (row["scene"], row["method"]) == (scene, method)]
+            if not points:
+                continue
             panel.plot([n for n, _ in points], [error for _, error in points], "o-", color=colour, markersize=3, linewidth=1.2, label=method)
         noise = next(float(row["rmse"]) for row in found if (row["scene"], row["method"]) == (scene, NOISE))
         panel.axhline(noise, color="black", linewidth=0.8, linestyle=":", label=f"{NOISE} (taken off)")
         panel.set(xscale="log", yscale="log", title=scene, xlabel="samples per pixel")
         panel.grid(color="#dddddd", linewidth=0.5)
-        panel.set_xticks(SAMPLES, [str(n) for n in SAMPLES])
+        panel.set_xticks(SAMPLES[::2], [str(n) for n in SAMPLES[::2]])
         panel.minorticks_off()
     panels[0][0].set_ylabel("rMSE")
     panels[0][-1].legend(frameon=False, loc="upper left", bbox_to_anchor=(1, 1))

@@ -118,7 +118,10 @@ def _estimates(design, y, variance, centre, samples):
     for i, h in enumerate(wlr.TRIED):
         value, noise[i] = wlr._estimate(design, h * bandwidths, even, y, variance)
         bias[i] = value - y[centre]
-    at_one = _line(wlr.TRIED**2, bias, 1.0) ** 2 + max(_line(1 / (samples * wlr.TRIED ** len(bandwidths)), noise, 1 / samples), 0.0)
+    rank = len(bandwidths)
+    # a mean, rank 0, has the same variance at every h
+    spread = _line(1 / (samples * wlr.TRIED**rank), noise, 1 / samples) if rank else noise.mean()
+    at_one = _line(wlr.TRIED**2, bias, 1.0) ** 2 + max(spread, 0.0)
     # the last of those tried is h = 1
     alone = np.zeros(len(y))
     alone[centre] = 1.0

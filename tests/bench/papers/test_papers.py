@@ -79,3 +79,11 @@ def test_an_estimate_at_h_1_is_steins_of_a_linear_smoother() -> None:
     there, _ = wlr._estimate(design, bandwidths, np.ones(60), moved, variance)
     slope = (there - value) / 1e-6
     assert stein == pytest.approx((value - y[7]) ** 2 - variance[7] + 2 * slope * variance[7], rel=1e-4)
+
+
+def test_a_window_without_features_is_a_mean_with_the_variance_of_one() -> None:
+    random = np.random.default_rng(4)
+    y, variance = random.random(50), random.random(50)
+    value, curves, _ = regression._estimates(np.ones((50, 1)), y, variance, 3, 8.0)
+    assert value == pytest.approx(y.mean())
+    assert curves == pytest.approx((y.mean() - y[3]) ** 2 + variance.sum() / 2500)
