@@ -337,6 +337,29 @@ impl Window {
         *risk / pixels_within(radius) as f64
     }
 
+    /// The pixels of the window, ring by ring, and what a model says of their radiance.
+    pub fn radiance<'a>(
+        &'a self,
+        model: &'a Model,
+    ) -> impl Iterator<Item = (usize, [f64; 3])> + 'a {
+        let pixels = self.samples.iter().zip(&self.z);
+        pixels.take(pixels_within(model.radius)).map(|(sample, z)| {
+            let radiance = evaluate(&model.beta, z).map(|v| v / self.radiance_scale);
+            (sample.position, radiance)
+        })
+    }
+
+    /// Position in the tile and regressors, 1 first, of each pixel of the window, ring by ring.
+    pub fn regressors(&self) -> impl Iterator<Item = (usize, &[f64])> {
+        let pixels = self.samples.iter().zip(&self.z);
+        pixels.map(|(sample, z)| (sample.position, z.as_slice()))
+    }
+
+    /// What a squared error in the unit of the window's risks is divided by to be one of radiance.
+    pub fn squared_scale(&self) -> f64 {
+        self.radiance_scale * self.radiance_scale
+    }
+
     /// What a model predicts, and how much that weighs.
     pub fn predictions(&self, model: &Model) -> Vec<Prediction> {
         let pixels = pixels_within(model.radius);

@@ -95,22 +95,24 @@ def program(*options: str) -> Callable[[Bench], Made]:
     return lambda bench: bench.denoised(bench.sequence.pattern, *options)
 
 
+def network(path: Path) -> tuple[np.ndarray, float]:
+    """What Open Image Denoise makes of a file, quality high, albedo and normal as rendered, and the CPU seconds of that without start-up."""
+    images = {"colour": planes(path, COLOUR), "albedo": planes(path, ALBEDO).clip(0, 1), "normal": planes(path, NORMAL).clip(-1, 1)}
+    height, width = images["colour"].shape[:2]
+    with tempfile.TemporaryDirectory() as folder:
+        for name, image in images.items():
+            image.astype("<f4").tofile(Path(folder) / name)
+        done = subprocess.run([sys.executable, str(OIDN), folder, str(width), str(height), "1", "1"], capture_output=True, text=True)
+        if done.returncode:
+            raise Failed(f"oidn.py: {done.stderr.strip().splitlines()[-1]}")
+        picture = np.fromfile(Path(folder) / "denoised", "<f4").reshape(height, width, 3).astype(np.float64)
+    return picture, json.loads(done.stdout)["cost"]["cpu"]
+
+
 def oidn(bench: Bench) -> Made:
-    """Open Image Denoise, quality high, albedo and normal as rendered."""
-    sequence, pictures, seconds = bench.sequence, [], 0.0
-    for number in sequence.numbers:
-        path = sequence.noisy(number)
-        images = {"colour": planes(path, COLOUR), "albedo": planes(path, ALBEDO).clip(0, 1), "normal": planes(path, NORMAL).clip(-1, 1)}
-        height, width = images["colour"].shape[:2]
-        with tempfile.TemporaryDirectory() as folder:
-            for name, image in images.items():
-                image.astype("<f4").tofile(Path(folder) / name)
-            done = subprocess.run([sys.executable, str(OIDN), folder, str(width), str(height), "1", "1"], capture_output=True, text=True)
-            if done.returncode:
-                raise Failed(f"oidn.py: {done.stderr.strip().splitlines()[-1]}")
-            pictures.append(np.fromfile(Path(folder) / "denoised", "<f4").reshape(height, width, 3).astype(np.float64))
-        seconds += json.loads(done.stdout)["cost"]["cpu"]
-    return Made(pictures, seconds / len(pictures))
+    """Open Image Denoise, frame by frame."""
+    pictures, seconds = zip(*(network(bench.sequence.noisy(number)) for number in bench.sequence.numbers), strict=True)
+    return Made(list(pictures), sum(seconds) / len(seconds))
 
 
 def mean_after(bench: Bench) -> Made:

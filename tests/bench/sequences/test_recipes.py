@@ -103,3 +103,16 @@ def test_the_variance_of_a_mean_is_that_of_its_weights() -> None:
     noise = naive.mean_of_noise([np.ones((*SHAPE, 1))] * 2, [motion] * 2, 1)
     np.testing.assert_allclose(noise[:, :-1], (1 + 0.75**2 + 0.25**2) / 4, rtol=1e-12)
     np.testing.assert_allclose(noise[:, -1], 1, rtol=1e-12)
+
+
+def test_regression_without_its_parts_is_what_remains_of_it() -> None:
+    colour, features = random(1, *SHAPE, 3), random(1, *SHAPE, 4)
+    found = {}
+    for name, recipe in (("even", wlr.Recipe(even=True, rank=20)), ("two", wlr.Recipe(rank=2)), ("wide", wlr.Recipe(alike=True, shared=1e5, rank=20))):
+        found[name] = wlr.studied(volume(colour, features), wlr.Window(9, 0, recipe=recipe), 0)
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    design = np.stack([np.ones(SHAPE), y, x, *np.moveaxis(features[0], -1, 0)], -1).reshape(-1, 7)
+    least_squares = design @ np.linalg.lstsq(design, colour[0].reshape(-1, 3), rcond=None)[0]
+    np.testing.assert_allclose(found["even"][0].reshape(-1, 3), least_squares, atol=1e-3)
+    np.testing.assert_allclose(found["wide"][0], found["even"][0], atol=1e-6)
+    assert set(found["two"][2].ravel()) == {2} and set(found["even"][2].ravel()) == {6}

@@ -6,13 +6,11 @@ a linear fit takes the first 1 + rank, `y` (n) a channel. What the paper leaves 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numba
 import numpy as np
 
-TRUNCATION = 2.0
-"""C of section 4."""
 TRIED = np.array([0.2, 0.4, 0.6, 0.8, 1.0])
 """Shared bandwidths of section 7."""
 RIDGE = 1e-6
@@ -21,8 +19,27 @@ FLATTEST = 1e-6
 """The least second derivative that a bandwidth is taken from."""
 LEAST_VARIANCE = 1e-3
 """Share of the window's mean variance that no pixel is thought to be below, where weights are divided by variances."""
+EVEN = 1e6
+"""A bandwidth that tells no pixels apart."""
 ROUNDING = 1e-12
 """Squared singular values below this share of the largest are none."""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """The paper's own choices, which its figures compare with others.
+
+    `truncation`: C of section 4. `rank`: so many local features everywhere, instead of those above the noise (Fig. 3); 0: those. `curvatures`: h_q of Eq. 9
+    (Table I). `alike`: one bandwidth for all features (b_j = 1). `shared`: this h everywhere, instead of the optimum (Fig. 5, 6); 0: the optimum. `even`: all
+    pixels weigh the same (Fig. 7).
+    """
+
+    truncation: float = 2.0
+    rank: int = 0
+    curvatures: float = 1.0
+    alike: bool = False
+    shared: float = 0.0
+    even: bool = False
 
 
 @dataclass(frozen=True)
@@ -35,6 +52,7 @@ class Window:
     radius: int
     frames: int
     outliers: bool = False
+    recipe: Recipe = Recipe()
 
 
 @dataclass(frozen=True)
@@ -50,15 +68,21 @@ class Volume:
 
 def filtered(volume: Volume, window: Window, frame: int) -> tuple[np.ndarray, np.ndarray]:
     """A frame's picture and the variance of it (Eq. 11), (height, width, 3) each."""
+    picture, noise, _ = studied(volume, window, frame)
+    return picture, noise
+
+
+def studied(volume: Volume, window: Window, frame: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same, and how many local features each pixel's window has, (height, width)."""
     arrays = (volume.colour, volume.variance, volume.features, volume.feature_variance)
-    return _frame(*arrays, float(volume.samples), frame, window.radius, window.frames, window.outliers)
+    return _frame(*arrays, float(volume.samples), frame, window.radius, window.frames, window.outliers, astuple(window.recipe))
 
 
 @numba.njit(parallel=True, cache=True)
-def _frame(colour, variance, features, feature_variance, samples, frame, radius, around, outliers):
+def _frame(colour, variance, features, feature_variance, samples, frame, radius, around, outliers, recipe):
     """Algorithm 1 at each pixel, for each channel."""
     frames, height, width = colour.shape[:3]
-    picture, noise = np.empty((height, width, 3)), np.empty((height, width, 3))
+    picture, noise, ranks = np.empty((height, width, 3)), np.empty((height, width, 3)), np.empty((height, width))
     first, last = max(frame - around, 0), min(frame + around + 1, frames)
     for row in numba.prange(height):
         top, bottom = max(row - radius, 0), min(row + radius + 1, height)
@@ -70,15 +94,16 @@ def _frame(colour, variance, features, feature_variance, samples, frame, radius,
             x = _with_place(features[first:last, top:bottom, left:right], shape)
             of_x = np.zeros(x.shape)
             of_x[:, 3:] = np.ascontiguousarray(feature_variance[first:last, top:bottom, left:right]).reshape(n, -1)
-            design = _design(_local_features(x, of_x, centre))
+            z = _local_features(x, of_x, centre, recipe[0], recipe[1])
+            design, ranks[row, column] = _design(z), z.shape[1]
             y = np.ascontiguousarray(colour[first:last, top:bottom, left:right]).reshape(n, 3)
             of_y = np.ascontiguousarray(variance[first:last, top:bottom, left:right]).reshape(n, 3)
             for c in range(3):
                 of_channel = of_y[:, c].copy()
                 guard = _against_outliers(of_channel) if outliers else np.ones(n)
-                found = _regression(design, y[:, c].copy(), of_channel, guard, centre, samples)
+                found = _regression(design, y[:, c].copy(), of_channel, guard, centre, samples, recipe)
                 picture[row, column, c], noise[row, column, c] = found
-    return picture, noise
+    return picture, noise, ranks
 
 
 @numba.njit(cache=True)
@@ -96,8 +121,8 @@ def _with_place(features, shape):
 
 
 @numba.njit(cache=True)
-def _local_features(x, variance, centre):
-    """Sections 7 and 4: features mapped to [-1, 1], and of their singular directions those above C ||E||_2 (Eq. 5); z = V_k^T (x - x_c)."""
+def _local_features(x, variance, centre, truncation, rank):
+    """Sections 7 and 4: features mapped to [-1, 1], and of their singular directions those above C ||E||_2 (Eq. 5), or the `rank` first; z = V_k^T (x - x_c)."""
     of_all = x.shape[1]
     deviation, moved = np.sqrt(variance), np.empty(x.shape)
     for j in range(of_all):
@@ -109,7 +134,10 @@ def _local_features(x, variance, centre):
     # squared singular values of Z and of E, ascending
     squared, directions = np.linalg.eigh(moved.T @ moved)
     noise = np.linalg.eigvalsh(deviation.T @ deviation)[-1]
-    kept = (squared > max(TRUNCATION**2 * noise, ROUNDING * squared[-1])).sum()
+    least = ROUNDING * squared[-1] if rank else max(truncation**2 * noise, ROUNDING * squared[-1])
+    kept = (squared > least).sum()
+    if rank:
+        kept = min(kept, rank)
     return (x - x[centre]) @ np.ascontiguousarray(directions[:, of_all - kept :])
 
 
@@ -130,9 +158,16 @@ def _against_outliers(variance):
 
 
 @numba.njit(cache=True)
-def _regression(design, y, variance, guard, centre, samples):
+def _regression(design, y, variance, guard, centre, samples, recipe):
     """Algorithm 1 for a channel: the picture at the centre and its variance."""
-    bandwidths = _feature_bandwidths(design, y, guard)
+    curvatures, alike, shared, even = recipe[2:]
+    rank = (design.shape[1] - 1) // 2
+    if even:
+        # so wide that no pixel weighs less than another
+        return _estimate(design, np.full(rank, EVEN), guard, y, variance)
+    bandwidths = np.ones(rank) if alike else _feature_bandwidths(design, y, guard, curvatures)
+    if shared:
+        return _estimate(design, shared * bandwidths, guard, y, variance)
     bias, noise = np.empty(len(TRIED)), np.empty(len(TRIED))
     for i, h in enumerate(TRIED):
         value, noise[i] = _estimate(design, h * bandwidths, guard, y, variance)
@@ -142,11 +177,11 @@ def _regression(design, y, variance, guard, centre, samples):
 
 
 @numba.njit(cache=True)
-def _feature_bandwidths(design, y, guard):
-    """b_j = |d^2 f / dz_j^2|^(-1/2), from a quadratic fit without cross terms, h_q = 1 (Eq. 9)."""
+def _feature_bandwidths(design, y, guard, h):
+    """b_j = |d^2 f / dz_j^2|^(-1/2), from a quadratic fit without cross terms, h_q = `h` (Eq. 9)."""
     size = design.shape[1]
     rank = (size - 1) // 2
-    weights = _weights(design, np.ones(rank), guard)
+    weights = _weights(design, np.full(rank, h), guard)
     fitted = np.linalg.solve(_normal_matrix(design, weights, size), (weights * y) @ design)
     return 1 / np.sqrt(np.maximum(np.abs(2 * fitted[1 + rank :]), FLATTEST))
 
