@@ -22,7 +22,10 @@ POSITION = ("P.X", "P.Y", "P.Z")
 NOISE = 6
 """White noise channels, as many as linpred takes."""
 MIRROR = 0.01
-"""Roughness below which the manual of Open Image Denoise wants to be told what a surface reflects."""
+"""Roughness below which a surface is a mirror."""
+REFLECTIONS = (*zip(ALBEDO, REFLECTED_ALBEDO, strict=True), *zip(NORMAL, REFLECTED_NORMAL, strict=True))
+"""Channels of what is hit first, and those of what it reflects."""
+OF_MIRRORS = (*REFLECTED_ALBEDO, *REFLECTED_NORMAL, "roughness")
 
 
 class Failed(Exception):
@@ -101,6 +104,13 @@ class Bench:
         found = images.channels(self.image.path)
         return {name: found[name] for own in names for name in (own, images.variance_of(own)) if name == own or name in found}
 
+    def in_mirrors(self) -> dict[str, np.ndarray]:
+        """Albedo, normal and their variances, in mirrors those of what they reflect: what the manual of Open Image Denoise recommends."""
+        found = images.channels(self.image.path)
+        mirror = found["roughness"] < MIRROR
+        pairs = [(of(own), of(reflected)) for own, reflected in REFLECTIONS for of in (str, images.variance_of)]
+        return {own: np.where(mirror, found[reflected], found[own]) for own, reflected in pairs}
+
     def oidn(self, albedo: np.ndarray, normal: np.ndarray) -> Made:
         """Open Image Denoise, quality high; seconds without start-up."""
         layers = {"colour": images.planes(self.image.path, COLOUR), "albedo": albedo.clip(0, 1), "normal": normal.clip(-1, 1)}
@@ -145,6 +155,17 @@ def with_oidn(bench: Bench) -> Made:
     return bench.denoised({f"oidn.{c}": picture[..., index] for index, c in enumerate(COLOUR)}, ("oidn",))
 
 
+def beside(bench: Bench) -> Made:
+    """linpred with what mirrors reflect as features, which elsewhere are the albedo and the normal once more."""
+    renamed = {f"in{name}": channel for name, channel in bench.in_mirrors().items()}
+    return bench.denoised(renamed, ("inalbedo=inalbedoVariance", "inN=inNVariance"))
+
+
+def instead(bench: Bench) -> Made:
+    """linpred with what mirrors reflect for their albedo and normal: no further features."""
+    return bench.denoised(bench.in_mirrors(), ())
+
+
 def oidn(bench: Bench) -> Made:
     """Albedo and normal of what is hit first."""
     path = bench.image.path
@@ -152,15 +173,12 @@ def oidn(bench: Bench) -> Made:
 
 
 def oidn_in_mirrors(bench: Bench) -> Made:
-    """In mirrors the albedo and the normal of what they reflect, as the manual of Open Image Denoise recommends."""
-    path = bench.image.path
-    mirror = images.planes(path, ("roughness",)) < MIRROR
-    albedo = np.where(mirror, images.planes(path, REFLECTED_ALBEDO), images.planes(path, ALBEDO))
-    return bench.oidn(albedo, np.where(mirror, images.planes(path, REFLECTED_NORMAL), images.planes(path, NORMAL)))
+    found = bench.in_mirrors()
+    return bench.oidn(*(np.stack([found[name].astype(np.float64) for name in names], -1) for names in (ALBEDO, NORMAL)))
 
 
 def oidn_reflected(bench: Bench) -> Made:
-    """The same in every surface."""
+    """Albedo and normal of what every surface reflects."""
     path = bench.image.path
     return bench.oidn(images.planes(path, REFLECTED_ALBEDO), images.planes(path, REFLECTED_NORMAL))
 
@@ -174,6 +192,8 @@ METHODS: dict[str, Method] = {
     "reflected albedo": features(REFLECTED_ALBEDO, "reflAlbedo"),
     "reflected normal": features(REFLECTED_NORMAL, "reflN"),
     "reflected both": features((*REFLECTED_ALBEDO, *REFLECTED_NORMAL), "reflAlbedo", "reflN"),
+    "reflections in mirrors": Method(beside, OF_MIRRORS),
+    "reflections in mirrors, instead": Method(instead, OF_MIRRORS),
     "position, reflected albedo": features((*POSITION, *REFLECTED_ALBEDO), "P", "reflAlbedo"),
     "roughness": features(("roughness",), ROUGHNESS),
     "shadow": features(("shadow",), SHADOW),
@@ -184,7 +204,7 @@ METHODS: dict[str, Method] = {
     "1 of noise, no variance": white_noise(1, False),
     "6 of noise, no variance": white_noise(NOISE, False),
     "OIDN": Method(oidn),
-    "OIDN, reflections in mirrors": Method(oidn_in_mirrors, (*REFLECTED_ALBEDO, *REFLECTED_NORMAL, "roughness")),
+    "OIDN, reflections in mirrors": Method(oidn_in_mirrors, OF_MIRRORS),
     "OIDN, reflections": Method(oidn_reflected, (*REFLECTED_ALBEDO, *REFLECTED_NORMAL)),
 }
 """Those of the table, in its order: linpred with these further features, then Open Image Denoise by itself."""

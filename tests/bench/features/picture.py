@@ -10,8 +10,10 @@ import numpy as np
 from images import COLOUR
 from methods import NONE, Bench, Failed
 
-SHOWN = {"noisy": "as rendered", NONE: "without", "reflected albedo": "with reflected albedo", "OIDN": "Open Image Denoise", "reference": "reference"}
+REFERENCE = "reference"
+SHOWN = {"noisy": "as rendered", NONE: "without", "reflections in mirrors": "reflections as features", "OIDN": "Open Image Denoise", REFERENCE: "reference"}
 """What is shown, and how it is called."""
+METHODS = SHOWN.keys() - {REFERENCE}
 LARGER, GAP, TEXT = 2, 4, 16
 """How many times the pixels are enlarged; pixels between pictures; height of a line of text."""
 
@@ -19,7 +21,7 @@ LARGER, GAP, TEXT = 2, 4, 16
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--picture", default="gallery", help="the scene of the picture")
     parser.add_argument("--picture-samples", type=int, default=16)
-    parser.add_argument("--picture-part", type=_part, default=(250, 150, 110, 150), metavar="LEFT,TOP,WIDTH,HEIGHT")
+    parser.add_argument("--picture-part", type=_part, default=(130, 170, 120, 125), metavar="LEFT,TOP,WIDTH,HEIGHT")
 
 
 def _part(text: str) -> tuple[int, int, int, int]:
@@ -37,7 +39,7 @@ def draw(bench: Bench, asked: argparse.Namespace) -> None:
     if (bench.image.scene, bench.image.samples) != (asked.picture, asked.picture_samples):
         return
     try:
-        shown = [images.planes(bench.image.reference, COLOUR) if method == "reference" else bench.made(method).picture for method in SHOWN]
+        shown = [images.planes(bench.image.reference, COLOUR) if method == REFERENCE else bench.made(method).picture for method in SHOWN]
     except Failed as why:
         print(f"no picture: {why}", flush=True)
         return

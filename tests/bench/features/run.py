@@ -92,7 +92,8 @@ def main() -> None:
                 row, why = measure(bench, method, score)
                 report.replace(asked.out, (image.folder.name, image.scene, str(image.samples), method), row, why)
         print(f"{image.folder.name}, {image.scene}, {image.samples} spp: measured", flush=True)
-        picture.draw(bench, asked)
+        if picture.METHODS <= set(chosen):
+            picture.draw(bench, asked)
     report.table(asked.out)
 
 
