@@ -30,9 +30,10 @@ CHANNELS = (
     "roughness",
     "shadow",
 )
-"""What a path tells, in this order: colour, albedo 0 to 1, shading normal in the world, distance along the ray from the near plane, position in the world, the reflection
-features (what is left of the path's light after its first diffuse scattering: the albedo that is seen, in a mirror's tint; the normal there), the roughness of the first hit (0 of a mirror, 1 of what is diffuse), and whether it sees the point of a light that was chosen (its mean is the
-fraction of light seen)."""
+"""What a path tells, in this order: colour, albedo 0 to 1, shading normal in the world, distance along the ray from the near plane, position in the world,
+the reflection features (what is left of the path's light after its first diffuse scattering: the albedo that is seen, in a mirror's tint; the normal there),
+the roughness of the first hit (0 of a mirror, 1 of what is diffuse), and whether it sees the point of a light that was chosen (its mean is the share of the
+light that is seen)."""
 
 
 def trace(scene: Any, seed: int, samples: int, depth: int, caustics: bool = False) -> np.ndarray:
