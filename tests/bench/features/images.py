@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import sys
 from collections.abc import Mapping
@@ -22,8 +23,9 @@ def variance_of(channel: str) -> str:
     return f"{layer}Variance{dot}{component}"
 
 
+@functools.lru_cache(maxsize=2)
 def channels(path: Path) -> dict[str, np.ndarray]:
-    """All channels of a file by name, (height, width) each."""
+    """All channels of a file by name, (height, width) each; what is asked for again at once is not read again."""
     with OpenEXR.File(str(path), separate_channels=True) as file:
         return {name: channel.pixels for name, channel in file.channels().items()}
 

@@ -20,7 +20,7 @@ import images
 import picture
 import provenance
 import report
-from methods import METHODS, Bench, Failed, Image
+from methods import METHODS, Bench, Failed, Image, Made
 
 
 def arguments() -> argparse.Namespace:
@@ -59,20 +59,19 @@ def find(asked: argparse.Namespace) -> list[Image]:
     return sorted(found, key=lambda image: (asked.scenes.index(image.folder), image.scene, image.samples))
 
 
-def measure(bench: Bench, method: str, referee: Any) -> tuple[tuple[Any, ...] | None, str]:
-    """A row of `results.csv`, or why there is none."""
-    image = bench.image
-    reference, noise = referee.colour(str(image.reference)), referee.noise(str(image.reference))
-    try:
-        made = bench.made(method)
-    except Failed as why:
-        return None, str(why)
-    # as a file would hold it, so that whoever judges the file finds the same
-    found = referee.errors(made.picture.astype("f4").astype("f8"), reference, noise, with_flip=True)
-    before = referee.errors(referee.colour(str(image.path)), reference, noise)["rmse"]
-    seconds = "" if made.seconds is None else round(made.seconds, 3)
-    measures = ("rmse", "psnr", "flip", "energy", "top1", "pinholes", "sparks")
-    return (before / found["rmse"], *(found[name] for name in measures), seconds), ""
+class Judge:
+    """The referee's measures of one image's pictures."""
+
+    def __init__(self, image: Image, referee: Any) -> None:
+        self.referee, self.reference, self.noise = referee, referee.colour(str(image.reference)), referee.noise(str(image.reference))
+        self.before = referee.errors(referee.colour(str(image.path)), self.reference, self.noise)["rmse"]
+
+    def row(self, made: Made) -> tuple[Any, ...]:
+        """Of `results.csv`."""
+        # as a file would hold it, so that whoever judges the file finds the same
+        found = self.referee.errors(made.picture.astype("f4").astype("f8"), self.reference, self.noise, with_flip=True)
+        measures = ("rmse", "psnr", "flip", "energy", "top1", "pinholes", "sparks")
+        return (self.before / found["rmse"], *(found[name] for name in measures), "" if made.seconds is None else round(made.seconds, 3))
 
 
 def main() -> None:
@@ -87,9 +86,14 @@ def main() -> None:
         file.write(f"{time.strftime('%Y-%m-%d')} {provenance.machine()} {provenance.revision()}: python {' '.join(sys.argv)}\n")
     for image in found:
         bench, channels = Bench(image, asked.linpred), images.channels(image.path).keys()
+        judge = Judge(image, score)
         for method in chosen:
             if channels >= set(METHODS[method].needs):
-                row, why = measure(bench, method, score)
+                row, why = None, ""
+                try:
+                    row = judge.row(bench.made(method))
+                except Failed as failed:
+                    why = str(failed)
                 report.replace(asked.out, (image.folder.name, image.scene, str(image.samples), method), row, why)
         print(f"{image.folder.name}, {image.scene}, {image.samples} spp: measured", flush=True)
         if picture.METHODS <= set(chosen):
