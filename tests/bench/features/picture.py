@@ -11,7 +11,13 @@ from images import COLOUR
 from methods import NONE, Bench, Failed
 
 REFERENCE = "reference"
-SHOWN = {"noisy": "as rendered", NONE: "without", "reflections in mirrors": "reflections as features", "OIDN": "Open Image Denoise", REFERENCE: "reference"}
+SHOWN = {
+    "noisy": "as rendered",
+    NONE: "without",
+    "reflections in mirrors, instead": "told what mirrors reflect",
+    "OIDN": "Open Image Denoise",
+    REFERENCE: "reference",
+}
 """What is shown, and how it is called."""
 METHODS = SHOWN.keys() - {REFERENCE}
 LARGER, GAP, TEXT = 2, 4, 16
