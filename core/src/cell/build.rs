@@ -4,6 +4,7 @@ use crate::cell::feature_space::MAX_TERMS;
 use crate::cell::fit::Fit;
 use crate::cell::fit::lpr::Lpr;
 use crate::cell::fit::robust::Systems;
+use crate::cell::fit::wlr::Wlr;
 use crate::cell::lent::{Cells, Scratch};
 use crate::cell::model::Coefficients;
 use crate::cell::rings::{Centre, Centres, RING_STEPS};
@@ -24,7 +25,11 @@ pub(crate) fn build_models<const D: usize, const L: usize>(
     scratch: &mut Scratch<D, L>,
 ) {
     let largest = scratch.basis.rank.iter().fold(0, |a, b| a.max(*b));
-    match if L == 1 { D } else { largest } {
+    let largest = if L == 1 { D } else { largest };
+    if params.formulas == Formulas::Wlr {
+        return build_by_wlr(cells, centres, params, scratch, largest);
+    }
+    match largest {
         0..=2 => build_with_terms::<3, D, L>(cells, centres, params, scratch),
         3 | 4 => build_with_terms::<5, D, L>(cells, centres, params, scratch),
         5 | 6 => build_with_terms::<7, D, L>(cells, centres, params, scratch),
@@ -49,7 +54,28 @@ fn build_with_terms<const T: usize, const D: usize, const L: usize>(
         match params.formulas {
             Formulas::Robust => build::<Systems<T, L>, T, D, L>(cells, centres, params, scratch),
             Formulas::Literal => build::<Lpr, T, D, L>(cells, centres, params, scratch),
+            // Of fewer sizes, above.
+            Formulas::Wlr => {}
         }
+    }
+}
+
+/// The same by WLR for ranks up to `largest`: in few sizes, for what is slow need not be slow to build.
+#[inline(always)]
+fn build_by_wlr<const D: usize, const L: usize>(
+    cells: &mut impl Cells<D>,
+    centres: &Centres<L>,
+    params: &Params,
+    scratch: &mut Scratch<D, L>,
+    largest: usize,
+) {
+    if largest <= 4 {
+        return build::<Wlr<9, L>, 5, D, L>(cells, centres, params, scratch);
+    }
+    if const { D <= 9 } {
+        build::<Wlr<19, L>, 10, D, L>(cells, centres, params, scratch);
+    } else {
+        build::<Wlr<{ 2 * MAX_TERMS - 1 }, L>, MAX_TERMS, D, L>(cells, centres, params, scratch);
     }
 }
 

@@ -51,7 +51,7 @@ pub fn denoise_cells<const D: usize, const L: usize>(
             &mut scratch.windows,
             &extent,
             &variances,
-            params.truncation,
+            params,
             &mut scratch.basis,
         );
         build_models(cells, &centres, params, scratch);

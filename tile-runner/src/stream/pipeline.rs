@@ -137,10 +137,8 @@ impl Pipeline {
     fn new(layout: RowLayout, options: &Options) -> Self {
         let (instruction_set, threads) = (InstructionSet::detect(), options.threads);
         let batch = batch(&layout, threads);
-        let finish = match options.params.formulas {
-            Formulas::Literal => None,
-            _ => Some(Finish::new(layout, batch, instruction_set)),
-        };
+        let finishes = !options.params.formulas.are_published();
+        let finish = finishes.then(|| Finish::new(layout, batch, instruction_set));
         Self {
             layout,
             params: options.params,
