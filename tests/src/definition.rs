@@ -1,5 +1,9 @@
 //! One model of a tile from its formulas, in f64 and from scratch for every radius: nothing shared, nothing recursive.
 
+mod wlr;
+
+pub use wlr::Regression;
+
 use linpred_core::{Formulas, LayerTile, Params, TILE};
 use nalgebra::DMatrix;
 
@@ -52,6 +56,8 @@ pub struct Window {
     pub clearance: f64,
     /// Whether a direction that the features do move along was dropped.
     pub truncated: bool,
+    /// The least difference of two kept eigenvalues, as a part of the larger: where they are alike, so are all directions between theirs.
+    pub gap: f64,
 }
 
 /// A fit of some radius.
@@ -117,6 +123,7 @@ impl Window {
             rank: 0,
             clearance: 0.0,
             truncated: false,
+            gap: 0.0,
         };
         window.find_features(tile);
         window
@@ -171,6 +178,9 @@ impl Window {
         order.sort_by(|&a, &b| gramian.eigenvalues[b].total_cmp(&gramian.eigenvalues[a]));
         order.retain(|&m| gramian.eigenvalues[m] > threshold);
         self.rank = order.len();
+        let kept = order.iter().map(|&m| gramian.eigenvalues[m]);
+        let next = kept.clone().skip(1);
+        self.gap = kept.zip(next).map(|(a, b)| 1.0 - b / a).fold(1.0, f64::min);
         let distances = gramian.eigenvalues.iter().map(|v| {
             let ratio = v.max(1e-12 * largest) / threshold;
             ratio.max(1.0 / ratio)

@@ -27,7 +27,7 @@ pub(crate) fn build_models<const D: usize, const L: usize>(
     let largest = scratch.basis.rank.iter().fold(0, |a, b| a.max(*b));
     let largest = if L == 1 { D } else { largest };
     if params.formulas == Formulas::Wlr {
-        return build_by_wlr(cells, centres, params, scratch, largest);
+        return build_by_wlr(cells, centres, params, scratch);
     }
     match largest {
         0..=2 => build_with_terms::<3, D, L>(cells, centres, params, scratch),
@@ -54,24 +54,20 @@ fn build_with_terms<const T: usize, const D: usize, const L: usize>(
         match params.formulas {
             Formulas::Robust => build::<Systems<T, L>, T, D, L>(cells, centres, params, scratch),
             Formulas::Literal => build::<Lpr, T, D, L>(cells, centres, params, scratch),
-            // Of fewer sizes, above.
+            // In one size, above.
             Formulas::Wlr => {}
         }
     }
 }
 
-/// The same by WLR for ranks up to `largest`: in few sizes, for what is slow need not be slow to build.
+/// The same by WLR, whose loops know the rank themselves.
 #[inline(always)]
 fn build_by_wlr<const D: usize, const L: usize>(
     cells: &mut impl Cells<D>,
     centres: &Centres<L>,
     params: &Params,
     scratch: &mut Scratch<D, L>,
-    largest: usize,
 ) {
-    if largest <= 4 {
-        return build::<Wlr<9, L>, 5, D, L>(cells, centres, params, scratch);
-    }
     if const { D <= 9 } {
         build::<Wlr<19, L>, 10, D, L>(cells, centres, params, scratch);
     } else {

@@ -29,7 +29,7 @@ const ROUNDING: f32 = 1e-4;
 const CORRELATION: f32 = 0.05;
 
 /// The same where each direction has a bandwidth of its own (WLR section 5.2).
-const CORRELATION_OF_BANDWIDTHS: f32 = 1e-4;
+const CORRELATION_OF_BANDWIDTHS: f32 = 1e-6;
 
 /// Terms of the largest model: an intercept and 15 local features.
 pub const MAX_TERMS: usize = 16;

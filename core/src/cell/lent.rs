@@ -6,7 +6,7 @@ use crate::cell::feature_space::Basis;
 use crate::cell::placement::Placement;
 use crate::cell::prediction::PredictionWindows;
 use crate::cell::window::Windows;
-use crate::params::Params;
+use crate::params::{Formulas, Params};
 use crate::tile::{OtherFeatures, SETS, Seen, Tile};
 
 /// Working memory of `L` cells of `D` features at a time, lent by the caller; its contents carry nothing from one cell
@@ -60,10 +60,30 @@ pub trait Cells<const D: usize> {
         let _ = lane;
         None
     }
+    /// The same place in the frames before and after, up to four, as many in every lane: [`Formulas::Wlr`] then fits to the 7 x 7 pixels around a centre in each of them
+    /// and in its own (WLR section 8), to which the number of its frame is one of the features that a tile holds. None, unless implemented; no other
+    /// formulas read them.
+    fn frames(&self, lane: usize) -> &[Tile<D>] {
+        let _ = lane;
+        &[]
+    }
     /// The predictions of the cell in `lane`, and the layers that follow it: the same number in every lane.
     fn results(&mut self, lane: usize) -> (&mut Predictions, &mut [LayerTile]);
     /// The cell in `lane` is finished; `models` models were built for it.
     fn done(&mut self, lane: usize, models: u32);
+}
+
+/// The frames around that of the cell in `lane` that its models are fitted to as well.
+#[inline(always)]
+pub(crate) fn frames<'a, const D: usize>(
+    cells: &'a impl Cells<D>,
+    lane: usize,
+    params: &Params,
+) -> &'a [Tile<D>] {
+    match params.formulas {
+        Formulas::Wlr => cells.frames(lane),
+        Formulas::Robust | Formulas::Literal => &[],
+    }
 }
 
 /// What the models of the cell in `lane` see.

@@ -2,11 +2,11 @@
 //! in error.
 //!
 //! ```text
-//! bandwidth b_j of each local feature, from a quadratic fit          section 5.2, Eq. 7 and 9    feature_curvatures
-//! for each shared bandwidth h: a linear fit within h b_j             Eq. 6                       Kernel, EquivalentWeights::fit
-//!     its bias and its variance                                      Eq. 10 and 11               EquivalentWeights::{apply, variance}
-//! curves through them; the h of least squared bias and variance      section 5.3, Eq. 12 and 13  Curves
-//! a last fit
+//! bandwidth b_j of each local feature, from a quadratic fit          section 5.2, Eq. 7 and 9    Step::Curvatures
+//! for each shared bandwidth h: a linear fit within h b_j             Eq. 6                       Step::Try
+//!     its bias and its variance                                      Eq. 10 and 11               Curves::set
+//! curves through them; the h of least squared bias and variance      section 5.3, Eq. 12 and 13  Curves::least
+//! a last fit                                                                                     Step::Last
 //! ```
 //!
 //! The local features are those of [`crate::cell::feature_space`] (section 4). What the paper leaves open: the three channels share their bandwidths, as they
@@ -21,18 +21,19 @@
 use crate::cell::feature_space::{Basis, project_all};
 use crate::cell::fit::Fit;
 use crate::cell::model::{Coefficients, Models, constant, regressor};
-use crate::cell::window::{Colours, Windows};
+use crate::cell::window::{Colours, Sample, Windows};
 use crate::float::{exp_f64, ln_f64, saturate, sqrt_f64};
-use crate::lanes::{Aligned, Lanes, Rgb, Vector, lanes_stay_innermost};
+use crate::lanes::{
+    Aligned, Lanes, Rgb, Vector, WideLanes, WideMatrix, WideVector, lanes_stay_innermost,
+};
 use crate::least_squares::factor::Factor;
-use crate::least_squares::sums::{Batch, Sums};
 use crate::params::Params;
 use crate::tile::{CHANNELS, WINDOW_AREA};
 
 /// Shared bandwidths that are tried (section 7).
 const TRIED: [f32; 5] = [0.2, 0.4, 0.6, 0.8, 1.0];
-/// Bandwidth of every feature in the quadratic fit, h_q: it matters little (section 5.2, Table I).
-const QUADRATIC_BANDWIDTH: f32 = 1.0;
+/// `1 / h_q^2`, h_q the bandwidth of every feature in the quadratic fit: it matters little (section 5.2, Table I).
+const QUADRATIC_INVERSE: f32 = 1.0;
 /// The least second derivative that a bandwidth is taken from: where the radiance is a plane, a bandwidth has no end.
 const FLATTEST: f32 = 1e-6;
 /// Part of the window's mean variance that no pixel's is thought to be below where weights are divided by it.
@@ -41,7 +42,29 @@ const LEAST_VARIANCE: f64 = 1e-3;
 const BATCH: usize = 19;
 const _: () = assert!(WINDOW_AREA.is_multiple_of(BATCH));
 
-/// The weights of a window's pixels in the last fit, by which layers follow; `Q` terms of the quadratic fit, `2 T - 1`.
+/// One of the fits to a window.
+#[derive(Clone, Copy)]
+enum Step {
+    /// The quadratic one, for second derivatives.
+    Curvatures,
+    /// The linear one within one of [`TRIED`].
+    Try(usize),
+    /// The linear one within the best bandwidth.
+    Last,
+}
+
+/// All of them go through the same code: what is slow need not be large, too.
+const STEPS: [Step; TRIED.len() + 2] = [
+    Step::Curvatures,
+    Step::Try(0),
+    Step::Try(1),
+    Step::Try(2),
+    Step::Try(3),
+    Step::Try(4),
+    Step::Last,
+];
+
+/// The weights of the windows' pixels in the last fit, by which layers follow; `Q` terms of the quadratic fit, `2 T - 1`.
 #[repr(C, align(64))]
 pub(crate) struct Wlr<const Q: usize, const L: usize> {
     last: EquivalentWeights<L>,
@@ -57,26 +80,45 @@ impl<const Q: usize, const T: usize, const D: usize, const L: usize> Fit<T, D, L
     ) -> (Models<T, L>, Self) {
         const { assert!(Q == 2 * T - 1, "a square for each local feature") };
         project_all::<T, D, L>(windows, basis);
+        let windows = &*windows;
+        let largest = basis.rank.iter().fold(0, |a, b| a.max(*b)).min(T - 1);
         let guards = against_outliers(windows);
-        let strength = params.gradient_strength;
-        let curvatures = feature_curvatures::<Q, T, D, L>(windows, &guards, strength);
-        let mut fit = Self {
-            last: EquivalentWeights([[0.0; L]; WINDOW_AREA]),
-        };
+        let mut curvatures = [[0.0; L]; D];
         let mut curves = Curves::of(&basis.rank);
-        for (place, h) in TRIED.into_iter().enumerate() {
-            let kernel = Kernel::new(&curvatures, &[h; L]);
-            fit.last.fit::<T, D>(windows, &kernel, &guards, strength);
-            let estimate = fit.last.apply(|i| &windows.samples[i].colour);
-            curves.set(place, windows, &estimate, &fit.last.variance(windows));
+        let (mut best, mut errors) = ([1.0; L], [0.0; L]);
+        let mut weights = [[0.0; L]; WINDOW_AREA];
+        for step in STEPS {
+            let (kernel, squares) = match step {
+                Step::Curvatures => (Kernel([[QUADRATIC_INVERSE; L]; D]), largest),
+                Step::Try(place) => (Kernel::new(&curvatures, &[TRIED[place]; L]), 0),
+                Step::Last => (Kernel::new(&curvatures, &best), 0),
+            };
+            kernel.weigh(windows, &guards, &mut weights);
+            let mut system = System::<Q, L>::new(1 + largest + squares);
+            system.take_in(windows, &weights, 1 + largest);
+            let factor = system.factor(&weights, params.gradient_strength);
+            if let Step::Curvatures = step {
+                curvatures = system.curvatures(&factor, 1 + largest, &windows.radiance_scale);
+                continue;
+            }
+            let mut row = [[0.0f64; L]; Q];
+            row[0] = [1.0; L];
+            factor.solve(&mut row);
+            let equivalent = EquivalentWeights::new(windows, &row, 1 + largest, &weights);
+            if let Step::Try(place) = step {
+                let estimate = equivalent.apply(|i| &windows.samples[i].colour);
+                curves.set(place, windows, &estimate, &equivalent.variance(windows));
+                (best, errors) = curves.least(windows);
+            } else {
+                weights = equivalent.0;
+            }
         }
-        let (best, errors) = curves.least(windows);
-        let kernel = Kernel::new(&curvatures, &best);
-        fit.last.fit::<T, D>(windows, &kernel, &guards, strength);
+        let fit = Self {
+            last: EquivalentWeights(weights),
+        };
         let [centre, ..] = &windows.samples;
         let mut models = Models::of_centres(centre);
-        let estimate = fit.last.apply(|i| &windows.samples[i].colour);
-        models.coefficients = constant(&estimate);
+        models.coefficients = constant(&fit.last.apply(|i| &windows.samples[i].colour));
         models.terms = basis.rank.map(|rank| rank + 1);
         models.risk = errors;
         (models, fit)
@@ -127,104 +169,161 @@ fn against_outliers<const D: usize, const L: usize>(
     guards
 }
 
-/// `|d^2 f / d z_j^2| = 1 / b_j^2` of each local feature in the caller's unit of radiance, root mean square over the channels: from a quadratic fit without
-/// cross terms (Eq. 9), whose coefficients of `z_j^2` are half of them.
-#[inline(always)]
-fn feature_curvatures<const Q: usize, const T: usize, const D: usize, const L: usize>(
-    windows: &Windows<D, L>,
-    guards: &Vector<WINDOW_AREA, L>,
-    strength: f32,
-) -> Vector<D, L> {
-    let kernel = Kernel([[1.0 / (QUADRATIC_BANDWIDTH * QUADRATIC_BANDWIDTH); L]; D]);
-    let mut weights = [[0.0; L]; WINDOW_AREA];
-    kernel.weigh(windows, guards, &mut weights);
-    let mut sums = Sums::<Q, L>::new();
-    take_in(
-        &mut sums,
-        windows,
-        &weights,
-        |batch, p, features, colour, weight| {
-            let mut squares = Aligned([[0.0; L]; D]);
-            for j in 0..D {
+/// The normal equations of one fit of `terms` terms (Eq. 4): `X^T W X`, and `X^T W y` per channel.
+///
+/// Loops are as long as the windows' largest rank asks for, and not unrolled for each that there may be.
+#[repr(C, align(64))]
+struct System<const Q: usize, const L: usize> {
+    terms: usize,
+    gram: WideMatrix<Q, L>,
+    moments: [WideVector<Q, L>; CHANNELS],
+}
+
+impl<const Q: usize, const L: usize> System<Q, L> {
+    #[inline(always)]
+    fn new(terms: usize) -> Self {
+        Self {
+            terms: terms.min(Q),
+            gram: [[[0.0; L]; Q]; Q],
+            moments: [[[0.0; L]; Q]; CHANNELS],
+        }
+    }
+
+    /// Adds a window's pixels: the first `linear` terms are 1 and its local features, the others those features' squares.
+    #[inline(always)]
+    fn take_in<const D: usize>(
+        &mut self,
+        windows: &Windows<D, L>,
+        weights: &Vector<WINDOW_AREA, L>,
+        linear: usize,
+    ) {
+        let features = windows.features.chunks_exact(BATCH);
+        let samples = windows.samples.chunks_exact(BATCH);
+        let batches = features.zip(samples).zip(weights.chunks_exact(BATCH));
+        let mut rows = Aligned([[[0.0f64; L]; BATCH]; Q]);
+        for ((features, samples), weights) in batches {
+            for (t, row) in rows.0.iter_mut().enumerate().take(self.terms) {
+                for (value, features) in row.iter_mut().zip(features) {
+                    let is_square = t >= linear;
+                    let z = regressor(features, if is_square { t + 1 - linear } else { t });
+                    for l in 0..L {
+                        let z = f64::from(z[l]);
+                        value[l] = if is_square { z * z } else { z };
+                    }
+                    lanes_stay_innermost();
+                }
+            }
+            self.add(&rows.0, samples, weights);
+        }
+    }
+
+    #[inline(always)]
+    fn add(
+        &mut self,
+        rows: &[WideVector<BATCH, L>; Q],
+        samples: &[Sample<L>],
+        weights: &[Lanes<L>],
+    ) {
+        for i in 0..self.terms {
+            let mut weighted = Aligned(rows[i]);
+            for (value, weight) in weighted.0.iter_mut().zip(weights) {
                 for l in 0..L {
-                    squares.0[j][l] = features[j][l] * features[j][l];
+                    value[l] *= f64::from(weight[l]);
                 }
                 lanes_stay_innermost();
             }
-            let term = |t: usize| match t.checked_sub(T) {
-                Some(square) => squares.0.get(square).unwrap_or(const { &[0.0; L] }),
-                None => regressor(features, t),
-            };
-            batch.set(p, term, colour, weight);
-        },
-    );
-    let factor = Factor::new(&sums.gram, &strengths(&sums, &weights, strength));
-    let mut squares = [[0.0f64; L]; D];
-    for moments in &mut sums.moments {
-        factor.solve(moments);
-        for (sum, coefficient) in squares.iter_mut().zip(moments.iter().skip(T)) {
+            for j in i..self.terms {
+                add_all(&mut self.gram[i][j], &weighted.0, rows[j].iter());
+            }
+            for (c, moments) in self.moments.iter_mut().enumerate() {
+                let wide = samples.iter().map(|sample| widened(&sample.colour[c]));
+                add_all(&mut moments[i], &weighted.0, wide);
+            }
+        }
+    }
+
+    /// Its factor, with a small part of an average pixel's weight on every term but the intercept: a kernel may reach fewer pixels than there are terms.
+    #[inline(always)]
+    fn factor(&self, weights: &Vector<WINDOW_AREA, L>, strength: f32) -> Factor<Q, L> {
+        let mut pixels = [0.0f64; L];
+        for weight in weights {
             for l in 0..L {
-                sum[l] += 4.0 * coefficient[l] * coefficient[l] / CHANNELS as f64;
+                pixels[l] += if weight[l] > 0.0 { 1.0 } else { 0.0 };
             }
             lanes_stay_innermost();
         }
-    }
-    let mut curvatures = [[0.0; L]; D];
-    for (curvature, square) in curvatures.iter_mut().zip(&squares) {
+        let mut share = [0.0; L];
         for l in 0..L {
-            let own = saturate(sqrt_f64(square[l]) / f64::from(windows.radiance_scale[l]));
-            // Not a number, too, where no fit has a solution.
-            curvature[l] = if own > FLATTEST { own } else { FLATTEST };
-        }
-    }
-    curvatures
-}
-
-/// Strengths of the prior: none on the intercept, this part of an average pixel's weight on every other term.
-#[inline(always)]
-fn strengths<const T: usize, const L: usize>(
-    sums: &Sums<T, L>,
-    weights: &Vector<WINDOW_AREA, L>,
-    strength: f32,
-) -> Vector<T, L> {
-    let mut pixels = [0.0f64; L];
-    for weight in weights {
-        for l in 0..L {
-            pixels[l] += if weight[l] > 0.0 { 1.0 } else { 0.0 };
-        }
-        lanes_stay_innermost();
-    }
-    let mut strengths = [[0.0; L]; T];
-    for own in strengths.iter_mut().skip(1) {
-        for l in 0..L {
-            let share = if pixels[l] > 0.0 {
-                sums.gram[0][0][l] / pixels[l]
+            // 0 / 0 in a window without pixels.
+            let mean = self.gram[0][0][l] / pixels[l];
+            share[l] = if pixels[l] > 0.0 {
+                strength * saturate(mean)
             } else {
                 0.0
             };
-            own[l] = strength * saturate(share);
         }
+        let mut strengths = [share; Q];
+        strengths[0] = [0.0; L];
+        Factor::new(&self.gram, &strengths)
     }
-    strengths
+
+    /// `|d^2 f / d z_j^2| = 1 / b_j^2` of each local feature in the caller's unit of radiance, root mean square over the channels: twice the coefficients
+    /// of the squares (Eq. 9), which are those from term `linear` on.
+    #[inline(always)]
+    fn curvatures<const D: usize>(
+        &self,
+        factor: &Factor<Q, L>,
+        linear: usize,
+        radiance_scale: &Lanes<L>,
+    ) -> Vector<D, L> {
+        let mut squares = [[0.0f64; L]; D];
+        for moments in &self.moments {
+            let mut coefficients = *moments;
+            factor.solve(&mut coefficients);
+            for (sum, own) in squares.iter_mut().zip(coefficients.iter().skip(linear)) {
+                for l in 0..L {
+                    sum[l] += 4.0 * own[l] * own[l] / CHANNELS as f64;
+                }
+                lanes_stay_innermost();
+            }
+        }
+        let mut curvatures = [[0.0; L]; D];
+        for (curvature, square) in curvatures.iter_mut().zip(&squares) {
+            for l in 0..L {
+                let own = saturate(sqrt_f64(square[l]) / f64::from(radiance_scale[l]));
+                // Not a number, too, where no fit has a solution.
+                curvature[l] = if own > FLATTEST { own } else { FLATTEST };
+            }
+        }
+        curvatures
+    }
 }
 
-/// Adds a window's pixels to `sums`, each by `set`.
+/// Adds the products of a batch's pixels to their sum.
 #[inline(always)]
-fn take_in<const T: usize, const D: usize, const L: usize>(
-    sums: &mut Sums<T, L>,
-    windows: &Windows<D, L>,
-    weights: &Vector<WINDOW_AREA, L>,
-    set: impl Fn(&mut Batch<T, L, BATCH>, usize, &Vector<D, L>, &Rgb<L>, &Lanes<L>),
+fn add_all<const L: usize>(
+    sum: &mut WideLanes<L>,
+    weighted: &WideVector<BATCH, L>,
+    values: impl Iterator<Item = impl core::borrow::Borrow<WideLanes<L>>>,
 ) {
-    let mut batch = Batch::ZERO;
-    let pixels = windows.features.iter().zip(&windows.samples).zip(weights);
-    for (i, ((features, sample), weight)) in pixels.enumerate() {
-        set(&mut batch, i % BATCH, features, &sample.colour, weight);
-        if i % BATCH == BATCH - 1 {
-            sums.add(&batch);
+    let mut total = *sum;
+    for (weighted, value) in weighted.iter().zip(values) {
+        let value = value.borrow();
+        for l in 0..L {
+            total[l] += weighted[l] * value[l];
         }
         lanes_stay_innermost();
     }
+    *sum = total;
+}
+
+#[inline(always)]
+fn widened<const L: usize>(values: &Lanes<L>) -> WideLanes<L> {
+    let mut wide = [0.0; L];
+    for l in 0..L {
+        wide[l] = f64::from(values[l]);
+    }
+    wide
 }
 
 /// The product of Epanechnikov's kernels over the local features, `1 - (z_j / (h b_j))^2` within their bandwidths and 0 beyond (Eq. 3 and 6), without the 3/4 of
@@ -281,32 +380,18 @@ impl<const D: usize, const L: usize> Kernel<D, L> {
 struct EquivalentWeights<const L: usize>(Vector<WINDOW_AREA, L>);
 
 impl<const L: usize> EquivalentWeights<L> {
-    /// Those of the linear fit within a kernel (Eq. 4 and 6): the row of the intercept of `(X^T W X)^-1 X^T W`.
+    /// Those of the linear fit whose samples weigh `weights`: `row`, the row of the intercept of `(X^T W X)^-1`, times `X^T W` (Eq. 4 and 6).
     #[inline(always)]
-    fn fit<const T: usize, const D: usize>(
-        &mut self,
+    fn new<const Q: usize, const D: usize>(
         windows: &Windows<D, L>,
-        kernel: &Kernel<D, L>,
-        guards: &Vector<WINDOW_AREA, L>,
-        strength: f32,
-    ) {
-        kernel.weigh(windows, guards, &mut self.0);
-        let mut sums = Sums::<T, L>::new();
-        take_in(
-            &mut sums,
-            windows,
-            &self.0,
-            |batch, p, features, colour, weight| {
-                batch.set(p, |t| regressor(features, t), colour, weight);
-            },
-        );
-        let factor = Factor::new(&sums.gram, &strengths(&sums, &self.0, strength));
-        let mut row = [[0.0f64; L]; T];
-        row[0] = [1.0; L];
-        factor.solve(&mut row);
-        for (weight, features) in self.0.iter_mut().zip(&windows.features) {
+        row: &WideVector<Q, L>,
+        terms: usize,
+        weights: &Vector<WINDOW_AREA, L>,
+    ) -> Self {
+        let mut equivalent = *weights;
+        for (weight, features) in equivalent.iter_mut().zip(&windows.features) {
             let mut at = row[0];
-            for (t, row) in row.iter().enumerate().skip(1) {
+            for (t, row) in row.iter().enumerate().take(terms).skip(1) {
                 let z = regressor(features, t);
                 for l in 0..L {
                     at[l] += row[l] * f64::from(z[l]);
@@ -317,6 +402,7 @@ impl<const L: usize> EquivalentWeights<L> {
                 weight[l] = saturate(at[l] * f64::from(weight[l]));
             }
         }
+        Self(equivalent)
     }
 
     /// The fit's value at the centre: `sum l_i y_i` of each channel.
