@@ -1,6 +1,6 @@
 //! No pixel that asks for a prediction goes without one, whatever a tile holds.
 
-use linpred_core::{CELL, Formulas, HALO, Params, PixelState, Quality, TILE};
+use linpred_core::{CELL, HALO, Params, PixelState, Quality, TILE};
 use linpred_tests::cells::{Tile, denoise, tile};
 use linpred_tests::strategies::any_finite;
 use proptest::prelude::{ProptestConfig, Strategy, any, prop_assert, prop_oneof, proptest};

@@ -2,7 +2,7 @@
 
 use linpred_core::{Formulas, Pixel, PixelState, Sum, resolve, resolve_layer, resolve_scalar};
 use linpred_tests::tolerance::{RESOLVED, close};
-use proptest::prelude::{Strategy, any, prop_assert, prop_assert_eq, proptest};
+use proptest::prelude::{Strategy, prop_assert, prop_assert_eq, proptest};
 use proptest::sample::select;
 
 /// One model's prediction.

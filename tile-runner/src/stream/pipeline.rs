@@ -15,7 +15,7 @@
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
-use linpred_core::{CELL, Formulas, HALO, Params};
+use linpred_core::{CELL, HALO, Params};
 use rayon::prelude::*;
 
 use crate::error::Error;

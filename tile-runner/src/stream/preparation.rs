@@ -5,7 +5,7 @@
 
 use std::num::NonZeroUsize;
 
-use linpred_core::{CELL, FIREFLY_HALO, Formulas, HALO, Params};
+use linpred_core::{CELL, FIREFLY_HALO, HALO, Params};
 
 use crate::error::Error;
 use crate::row::{InputRow, RowLayout, RowSource};
