@@ -8,7 +8,7 @@ use crate::cell::fit::wlr::Wlr;
 use crate::cell::lent::{Cells, Scratch};
 use crate::cell::model::Coefficients;
 use crate::cell::rings::{Centre, Centres, RING_STEPS};
-use crate::cell::window::{Colours, Sample};
+use crate::cell::window::{Colours, Sample, in_frame};
 use crate::lanes::{Rgb, lanes_stay_innermost};
 use crate::params::{Formulas, Params};
 use crate::tile::{CHANNELS, WINDOW_AREA};
@@ -92,7 +92,11 @@ fn build<F: Fit<T, D, L>, const T: usize, const D: usize, const L: usize>(
         predicted.add_to(lane, centre, &models, cells.results(lane).0);
     }
     for layer in 0..layers {
-        read_layer(cells, centres, layer, predicted.colours());
+        if windows.over_frames {
+            read_layer_of_frames(cells, centres, layer, predicted.colours());
+        } else {
+            read_layer(cells, centres, layer, predicted.colours());
+        }
         let (even, value) = even_lanes(&windows.samples, predicted.colours());
         let mut coefficients = [[[0.0; L]; T]; CHANNELS];
         if !even.iter().all(|even| *even) {
@@ -180,6 +184,40 @@ fn read_layer<const D: usize, const L: usize>(
         for (colours, &step) in colours.iter_mut().zip(&RING_STEPS) {
             let own = layer.colour_at(centre.position().wrapping_add_signed(step));
             for (colours, value) in colours.iter_mut().zip(own) {
+                if let Some(colour) = colours.get_mut(lane) {
+                    *colour = value;
+                }
+            }
+        }
+    }
+}
+
+/// The same in windows over several frames; 0 where there is no such frame.
+#[inline(always)]
+fn read_layer_of_frames<const D: usize, const L: usize>(
+    cells: &mut impl Cells<D>,
+    centres: &Centres<L>,
+    layer: usize,
+    colours: &mut Colours<L>,
+) {
+    for (lane, centre) in centres.iter().enumerate() {
+        let Some(centre) = *centre else { continue };
+        for (place, colours) in colours.iter_mut().enumerate() {
+            let (frame, pixel) = in_frame(place);
+            let step = RING_STEPS.get(pixel).copied().unwrap_or(0);
+            let position = centre.position().wrapping_add_signed(step);
+            let value = match frame.checked_sub(1) {
+                None => cells
+                    .results(lane)
+                    .1
+                    .get(layer)
+                    .map(|own| own.colour_at(position)),
+                Some(other) => cells
+                    .frame(lane, other)
+                    .and_then(|frame| Some(frame.layers.get(layer)?.colour_at(position))),
+            };
+            let value = value.unwrap_or([0.0; CHANNELS]);
+            for (colours, value) in colours.iter_mut().zip(value) {
                 if let Some(colour) = colours.get_mut(lane) {
                     *colour = value;
                 }

@@ -5,7 +5,7 @@ use crate::cell::feature_noise::FeatureNoise;
 use crate::cell::feature_space::Basis;
 use crate::cell::placement::Placement;
 use crate::cell::prediction::PredictionWindows;
-use crate::cell::window::Windows;
+use crate::cell::window::{OTHER_FRAMES, Windows};
 use crate::params::{Formulas, Params};
 use crate::tile::{OtherFeatures, SETS, Seen, Tile};
 
@@ -48,6 +48,15 @@ impl<const D: usize, const L: usize> Default for Scratch<D, L> {
     }
 }
 
+/// The pixels of another frame in the place of a tile, and its layers there: as many as the tile's.
+#[derive(Clone, Copy, Debug)]
+pub struct OtherFrame<'a, const D: usize> {
+    /// Its pixels.
+    pub tile: &'a Tile<D>,
+    /// Its layers; their sums are not read.
+    pub layers: &'a [LayerTile],
+}
+
 /// A source of cells with `D` features, and where their results go. Each lane holds one cell at a time.
 pub trait Cells<const D: usize> {
     /// Loads the next cell into `lane`, the sums of its layers cleared; false if none is left.
@@ -60,12 +69,12 @@ pub trait Cells<const D: usize> {
         let _ = lane;
         None
     }
-    /// The same place in the frames before and after, up to four, as many in every lane: [`Formulas::Wlr`] then fits to the 7 x 7 pixels around a centre in each of them
-    /// and in its own (WLR section 8), to which the number of its frame is one of the features that a tile holds. None, unless implemented; no other
-    /// formulas read them.
-    fn frames(&self, lane: usize) -> &[Tile<D>] {
-        let _ = lane;
-        &[]
+    /// The same place in one of the frames around, of which `k` counts up to four: [`Formulas::Wlr`] then fits to the 7 x 7 pixels around a centre in its own
+    /// frame and in each of those (WLR section 8), whose number is one of the features that a tile holds. None, unless implemented; no other formulas
+    /// read them.
+    fn frame(&self, lane: usize, k: usize) -> Option<OtherFrame<'_, D>> {
+        let _ = (lane, k);
+        None
     }
     /// The predictions of the cell in `lane`, and the layers that follow it: the same number in every lane.
     fn results(&mut self, lane: usize) -> (&mut Predictions, &mut [LayerTile]);
@@ -79,10 +88,10 @@ pub(crate) fn frames<'a, const D: usize>(
     cells: &'a impl Cells<D>,
     lane: usize,
     params: &Params,
-) -> &'a [Tile<D>] {
+) -> [Option<&'a Tile<D>>; OTHER_FRAMES] {
     match params.formulas {
-        Formulas::Wlr => cells.frames(lane),
-        Formulas::Robust | Formulas::Literal => &[],
+        Formulas::Wlr => core::array::from_fn(|k| cells.frame(lane, k).map(|frame| frame.tile)),
+        Formulas::Robust | Formulas::Literal => [None; OTHER_FRAMES],
     }
 }
 

@@ -45,9 +45,9 @@ pub fn denoise_cells<const D: usize, const L: usize>(
     let mut more = true;
     while let Some(centres) = next_centres(cells, params, scratch, &mut more) {
         let tiles = core::array::from_fn(|lane| seen(cells, lane, params));
-        let frames = core::array::from_fn(|lane| frames(cells, lane, params));
+        let frames: [_; L] = core::array::from_fn(|lane| frames(cells, lane, params));
         let windows = &mut scratch.windows;
-        let (extent, variances) = if frames.iter().any(|frames| !frames.is_empty()) {
+        let (extent, variances) = if frames.as_flattened().iter().any(Option::is_some) {
             windows.read_frames(&tiles, &frames, &centres)
         } else {
             let noise = feature_noise::around(&scratch.noise, &centres);

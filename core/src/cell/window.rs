@@ -59,6 +59,8 @@ pub(crate) struct Windows<const D: usize, const L: usize> {
     pub(crate) radiance_scale: Lanes<L>,
     /// Windows that have a model: those with a centre and a valid pixel.
     pub(crate) live: [bool; L],
+    /// Whether they are over several frames, their pixels in the order of [`in_frame`].
+    pub(crate) over_frames: bool,
 }
 
 /// Where each window's features lie, over its valid pixels.
@@ -76,6 +78,7 @@ impl<const D: usize, const L: usize> Windows<D, L> {
         samples: [Sample::ZERO; WINDOW_AREA],
         radiance_scale: [1.0; L],
         live: [false; L],
+        over_frames: false,
     };
 
     /// Reads the window around each centre; a lane without one has no valid pixel.
@@ -83,6 +86,7 @@ impl<const D: usize, const L: usize> Windows<D, L> {
     pub(crate) fn read(&mut self, seen: &[Seen<D>; L], centres: &Centres<L>) -> Extent<D, L> {
         let positions = centres.map(|centre| centre.map_or(BEYOND, Centre::position));
         let sets = centres.map(|centre| centre.map_or(0, |centre| usize::from(centre.set)));
+        self.over_frames = false;
         let mut extent = Extent::EMPTY;
         for (row, places) in RASTER_TO_RING.iter().enumerate() {
             for (column, &place) in places.iter().enumerate() {
@@ -112,19 +116,20 @@ impl<const D: usize, const L: usize> Windows<D, L> {
     pub(crate) fn read_frames(
         &mut self,
         seen: &[Seen<D>; L],
-        frames: &[&[Tile<D>]; L],
+        frames: &[[Option<&Tile<D>>; OTHER_FRAMES]; L],
         centres: &Centres<L>,
     ) -> (Extent<D, L>, Vector<D, L>) {
         let positions = centres.map(|centre| centre.map_or(BEYOND, Centre::position));
+        self.over_frames = true;
         let mut extent = Extent::EMPTY;
         let mut variances = [[0.0; L]; D];
         for place in 0..WINDOW_AREA {
-            let (frame, pixel) = (place / FRAME_PIXELS, place % FRAME_PIXELS);
+            let (frame, pixel) = in_frame(place);
             let mut pixels = [const { &Pixel::OUTSIDE }; L];
             for l in 0..L {
                 let tile = match frame.checked_sub(1) {
                     None => Some(seen[l].tile),
-                    Some(other) => frames[l].get(other).filter(|_| frame < FRAMES),
+                    Some(other) => frames[l].get(other).copied().flatten(),
                 };
                 let step = RING_STEPS.get(pixel).copied().unwrap_or(0);
                 let position = positions[l].wrapping_add_signed(step);
@@ -291,11 +296,17 @@ fn value<const D: usize>(features: &[f32; D], pixel: &Pixel<D>, k: usize) -> f32
     }
 }
 
-/// Frames that a window over several reads: its own, and two before and after.
-const FRAMES: usize = 5;
+/// Frames that a window over several reads beside its own: two before and two after.
+pub(crate) const OTHER_FRAMES: usize = 4;
 /// Pixels that it reads of each: those up to ring 3.
 const FRAME_PIXELS: usize = window_pixels(3);
-const _: () = assert!(FRAMES * FRAME_PIXELS <= WINDOW_AREA);
+const _: () = assert!((OTHER_FRAMES + 1) * FRAME_PIXELS <= WINDOW_AREA);
+
+/// Which frame place `place` of a window over several is of, 0 its own, and which pixel of that, ring after ring. There are more places than pixels.
+#[inline(always)]
+pub(crate) fn in_frame(place: usize) -> (usize, usize) {
+    (place / FRAME_PIXELS, place % FRAME_PIXELS)
+}
 
 /// The centre of a window without a centre: beyond every tile.
 const BEYOND: usize = usize::MAX / 2;

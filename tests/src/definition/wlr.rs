@@ -49,12 +49,12 @@ impl Regression<'_> {
         self.window.rank
     }
 
-    /// A layer by the colour's bandwidths.
-    pub fn follow(&self, layer: &LayerTile) -> [f64; 3] {
+    /// A layer by the colour's bandwidths, from what each frame has of it.
+    pub fn follow(&self, layers: &[&LayerTile]) -> [f64; 3] {
         let samples = &self.window.samples;
         let y: Vec<[f64; 3]> = samples
             .iter()
-            .map(|sample| layer.colour[sample.position].map(f64::from))
+            .map(|sample| layers[sample.frame].colour[sample.position].map(f64::from))
             .collect();
         self.at(&y)
     }

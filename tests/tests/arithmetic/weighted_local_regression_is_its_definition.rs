@@ -8,66 +8,84 @@ use linpred_tests::tolerance::{WLR_ERROR, WLR_PREDICTION, close};
 use proptest::prelude::{ProptestConfig, TestCaseError, prop_assert, prop_assert_eq, proptest};
 use proptest::sample::select;
 
-/// What core makes of the open pixel: colour, error, layer.
-fn denoised(case: &Case, params: &Params) -> (Job, [f64; 3], f64, [f64; 3]) {
-    let mut jobs = [case.job(params.formulas)];
-    denoise_side_by_side::<1>(&mut jobs, &[0], params);
-    let [job] = jobs;
-    let sum = &job.predictions.sums[case.centre()];
-    let weight = f64::from(sum.confidence);
-    let colour = sum.colour.map(|v| f64::from(v) / weight);
-    let layer = job.layers[0].sums[case.centre()].map(|v| f64::from(v) / weight);
-    let error = f64::from(sum.error) / weight;
-    (job, colour, error, layer)
-}
-
-fn is_the_definitions(case: &Case, params: Params) -> Result<bool, TestCaseError> {
-    let (job, colour, error, layer) = denoised(case, &params);
+/// What core makes of the open pixel is what the definition does; whether its window could be compared.
+fn is_the_definitions(case: &Case, mut job: Job, params: Params) -> Result<bool, TestCaseError> {
+    let centre = case.centre();
+    denoise_side_by_side::<1>(std::slice::from_mut(&mut job), &[0], &params);
     prop_assert_eq!(job.models, Some(1));
-    let window = Window::new(&job.tile, case.centre(), params);
+    let tiles = std::iter::once(&*job.tile).chain(job.frames.iter().map(|(tile, _)| tile));
+    let tiles: Vec<_> = tiles.collect();
+    let window = match tiles.as_slice() {
+        [own] => Window::new(own, centre, params),
+        all => Window::over_frames(all, centre, params),
+    };
     if window.clearance < 1.05 || window.gap < 0.02 {
         // Which directions there are is a matter of rounding.
         return Ok(false);
     }
-    let sum = &job.predictions.sums[case.centre()];
+    let sum = &job.predictions.sums[centre];
+    let weight = f64::from(sum.confidence);
     prop_assert_eq!((sum.rank / sum.confidence).round() as usize, window.rank);
-    let predicted = job
-        .predictions
-        .sums
-        .iter()
-        .filter(|sum| sum.confidence > 0.0);
-    prop_assert_eq!(predicted.count(), 1, "it predicts its centre alone");
+    let predicted = job.predictions.sums.iter();
+    let predicted = predicted.filter(|sum| sum.confidence > 0.0).count();
+    prop_assert_eq!(predicted, 1, "it predicts its centre alone");
     let regression = window.regression();
     let scale = window.largest_radiance();
-    let exact = regression
-        .colour
-        .iter()
-        .chain(&regression.follow(&job.layers[0]))
-        .copied()
-        .collect::<Vec<_>>();
-    for (ours, exact) in colour.iter().chain(&layer).zip(exact) {
-        prop_assert!(
-            close(*ours, exact, WLR_PREDICTION * scale),
-            "{ours} against {exact} by h = {}, {:?}",
-            regression.shared,
-            regression.bandwidths
-        );
+    let layers = job.frames.iter().map(|(_, layers)| &layers[0]);
+    let layers: Vec<_> = std::iter::once(&job.layers[0]).chain(layers).collect();
+    let exact = [regression.colour, regression.follow(&layers)];
+    let ours = [sum.colour, job.layers[0].sums[centre]];
+    for (ours, exact) in ours.iter().flatten().zip(exact.iter().flatten()) {
+        let ours = f64::from(*ours) / weight;
+        let same = close(ours, *exact, WLR_PREDICTION * scale);
+        let (h, b) = (regression.shared, &regression.bandwidths);
+        prop_assert!(same, "{ours} against {exact} by h = {h}, {b:?}");
     }
-    let of_error = regression.error + 1e-3 * scale * scale;
+    let (error, exact) = (f64::from(sum.error) / weight, regression.error);
+    let tolerance = WLR_ERROR * (exact + 1e-3 * scale * scale);
     prop_assert!(
-        close(error, regression.error, WLR_ERROR * of_error),
-        "error {error} against {}",
-        regression.error
+        close(error, exact, tolerance),
+        "error {error} against {exact}"
     );
     Ok(true)
 }
+
+/// The same place in two other frames: other noise, and the number of the frame as a feature of all of them.
+fn over_frames(case: &Case, params: &Params) -> Job {
+    let mut job = case.job(params.formulas);
+    for (k, seed) in [1, 2].into_iter().enumerate() {
+        let other = Case {
+            seed: case.seed.wrapping_add(seed),
+            ..*case
+        };
+        let mut frame = other.job(params.formulas);
+        for pixel in &mut frame.tile.pixels {
+            pixel.features[FRAME] = k as f32 + 1.0;
+        }
+        job.frames.push((*frame.tile, frame.layers));
+    }
+    for pixel in &mut job.tile.pixels {
+        pixel.features[FRAME] = 0.0;
+    }
+    job
+}
+
+/// A feature that is constant within a frame.
+const FRAME: usize = 7;
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(128))]
 
     #[test]
     fn at_any_pixel(case in cases(), truncation in select(vec![2.0f32, 1.0, 0.0])) {
-        is_the_definitions(&case, Params::wlr().with_truncation(truncation))?;
+        let params = Params::wlr().with_truncation(truncation);
+        is_the_definitions(&case, case.job(params.formulas), params)?;
+    }
+
+    #[test]
+    fn over_several_frames(case in cases()) {
+        let params = Params::wlr();
+        is_the_definitions(&case, over_frames(&case, &params), params)?;
     }
 }
 
@@ -75,8 +93,10 @@ proptest! {
 #[test]
 fn most_windows_have_directions_of_their_own() {
     let compared = (0..24).filter(|seed| {
-        let case = plain(*seed);
-        is_the_definitions(&case, Params::wlr()).expect("as above")
+        let (case, params) = (plain(*seed), Params::wlr());
+        let job = case.job(params.formulas);
+        is_the_definitions(&case, job, params).expect("as above")
+            && is_the_definitions(&case, over_frames(&case, &params), params).expect("as above")
     });
     assert!(compared.count() > 12);
 }
