@@ -93,7 +93,7 @@ pub use block::weights::{
 };
 pub use cell::denoise_cells;
 pub use cell::feature_space::MAX_TERMS;
-pub use cell::lent::{Cells, Scratch};
+pub use cell::lent::{Cells, OtherFrame, Scratch};
 pub use cell::one_cell::denoise_cell;
 pub use eigen::SymmetricEigen;
 pub use features::{FEATURE_NAMES, FEATURES, Feature, POSITION, TILE_FEATURES};

@@ -22,8 +22,22 @@ pub enum Formulas {
     /// This crate's: weighted fits, a risk that takes the noise off, predictions blended by their local error.
     #[default]
     Robust,
-    /// The papers' (LPR Eq. 1 to 7): unweighted fits, the raw validation error, predictions averaged.
+    /// Those of LPR (Eq. 1 to 7) to the letter: unweighted fits, the raw validation error, predictions averaged.
     Literal,
+    /// Those of WLR (Moon et al. 2014, *Adaptive Rendering based on Weighted Local Regression*, Eq. 6 to 13): a fit of its own at every pixel, within
+    /// bandwidths that are least in error. Slow.
+    Wlr,
+}
+
+impl Formulas {
+    /// Whether they are a paper's, kept as a baseline: they know of no fireflies and no clean pixels, predictions are averaged, and what they make of a
+    /// pixel is left as it is.
+    pub const fn are_published(self) -> bool {
+        match self {
+            Self::Robust => false,
+            Self::Literal | Self::Wlr => true,
+        }
+    }
 }
 
 /// Parameters of the method; shared by every tile of an image.
@@ -40,7 +54,7 @@ pub struct Params {
     /// Confidence that a pixel's predictions must add up to before it gets no model of its own; 0 counts as 1.
     ///
     /// A prediction that seems without error counts for up to 2.8, one that is off by half of the pixel's variance for 1, a bad one for next to
-    /// nothing; with [`Formulas::Literal`], each for 1. No pixel has more than 361.
+    /// nothing; with [published](Formulas::are_published) formulas, each for 1. No pixel has more than 361.
     pub coverage: u16,
     /// C of the perturbation bound: features' singular values below C times the norm of their noise are dropped (WLR
     /// section 4). 0 keeps all.
@@ -73,7 +87,7 @@ impl Params {
         }
     }
 
-    /// The papers' formulas to the letter, as a baseline: one model per pixel, delta = 0.001, C = 1.
+    /// LPR's formulas to the letter, as a baseline: one model per pixel, delta = 0.001, C = 1.
     pub const fn literal() -> Self {
         Self {
             coverage: 1,
@@ -82,6 +96,18 @@ impl Params {
             intercept_strength: 1e-3,
             vary_features: false,
             formulas: Formulas::Literal,
+        }
+    }
+
+    /// WLR's formulas to the letter, as a baseline: C = 2, and of a prior no more than what keeps a fit to few pixels from having no solution.
+    pub const fn wlr() -> Self {
+        Self {
+            coverage: 1,
+            truncation: 2.0,
+            gradient_strength: 1e-4,
+            intercept_strength: 0.0,
+            vary_features: false,
+            formulas: Formulas::Wlr,
         }
     }
 

@@ -1,8 +1,8 @@
 //! Tiles made of a few values over and over, and the core run on them.
 
 use linpred_core::{
-    Cells, Denoised, FeatureSet, LayerTile, OtherFeatures, Params, PixelState, Predictions,
-    Scratch, TILE_AREA, resolve,
+    Cells, Denoised, FeatureSet, LayerTile, OtherFeatures, OtherFrame, Params, PixelState,
+    Predictions, Scratch, TILE_AREA, resolve,
 };
 
 /// Features of a pixel.
@@ -48,6 +48,8 @@ pub struct Job {
     pub otherwise: Option<Box<OtherFeatures<FEATURES>>>,
     /// What follows it.
     pub layers: Vec<LayerTile>,
+    /// The same place in the frames around, each with its layers.
+    pub frames: Vec<(Tile, Vec<LayerTile>)>,
     /// What the models predict.
     pub predictions: Box<Predictions>,
     /// How many models it took; `None` until it is done.
@@ -65,6 +67,7 @@ impl Job {
             tile,
             otherwise: None,
             layers,
+            frames: Vec::new(),
             predictions,
             models: None,
         }
@@ -115,6 +118,11 @@ impl Cells<FEATURES> for Queue<'_> {
 
     fn otherwise(&self, lane: usize) -> Option<&OtherFeatures<FEATURES>> {
         self.jobs[self.lanes[lane]].otherwise.as_deref()
+    }
+
+    fn frame(&self, lane: usize, k: usize) -> Option<OtherFrame<'_, FEATURES>> {
+        let (tile, layers) = self.jobs[self.lanes[lane]].frames.get(k)?;
+        Some(OtherFrame { tile, layers })
     }
 
     fn results(&mut self, lane: usize) -> (&mut Predictions, &mut [LayerTile]) {

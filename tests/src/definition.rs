@@ -1,5 +1,9 @@
 //! One model of a tile from its formulas, in f64 and from scratch for every radius: nothing shared, nothing recursive.
 
+mod wlr;
+
+pub use wlr::Regression;
+
 use linpred_core::{Formulas, LayerTile, Params, TILE};
 use nalgebra::DMatrix;
 
@@ -10,6 +14,8 @@ use crate::windows::{pixels_within, ring_order};
 /// A pixel of the window, in the window's unit of radiance.
 #[derive(Clone, Debug)]
 struct Sample {
+    /// Of which frame, 0 the window's own.
+    frame: usize,
     /// In the tile.
     position: usize,
     y: [f64; 3],
@@ -52,6 +58,8 @@ pub struct Window {
     pub clearance: f64,
     /// Whether a direction that the features do move along was dropped.
     pub truncated: bool,
+    /// The least difference of two kept eigenvalues, as a part of the larger: where they are alike, so are all directions between theirs.
+    pub gap: f64,
 }
 
 /// A fit of some radius.
@@ -88,17 +96,29 @@ pub struct Prediction {
 impl Window {
     /// The window around a position of the tile. It has a valid pixel.
     pub fn new(tile: &Tile, centre: usize, params: Params) -> Self {
-        let positions: Vec<usize> = ring_order()
-            .iter()
+        Self::within(&[tile], 9, centre, params)
+    }
+
+    /// The 7 x 7 pixels around a position in each of several frames, the first the window's own (WLR section 8).
+    pub fn over_frames(frames: &[&Tile], centre: usize, params: Params) -> Self {
+        Self::within(frames, 3, centre, params)
+    }
+
+    fn within(frames: &[&Tile], radius: usize, centre: usize, params: Params) -> Self {
+        let around = ring_order().into_iter().take(pixels_within(radius));
+        let positions: Vec<usize> = around
             .map(|(x, y)| (centre as i32 + y * TILE as i32 + x) as usize)
             .collect();
-        let weights = positions.iter().map(|&i| tile.pixels[i].weight);
+        let of_frame = |frame| positions.iter().map(move |&position| (frame, position));
+        let places: Vec<(usize, usize)> = (0..frames.len()).flat_map(of_frame).collect();
+        let weights = places.iter().map(|&(k, i)| frames[k].pixels[i].weight);
         let heaviest = f64::from(weights.fold(0.0, f32::max));
-        let samples: Vec<Sample> = positions
+        let samples: Vec<Sample> = places
             .iter()
-            .map(|&position| {
-                let pixel = &tile.pixels[position];
+            .map(|&(frame, position)| {
+                let pixel = &frames[frame].pixels[position];
                 Sample {
+                    frame,
                     position,
                     y: pixel.colour.map(|v| f64::from(v) * heaviest.sqrt()),
                     weight: f64::from(pixel.weight) / heaviest,
@@ -117,8 +137,9 @@ impl Window {
             rank: 0,
             clearance: 0.0,
             truncated: false,
+            gap: 0.0,
         };
-        window.find_features(tile);
+        window.find_features(frames);
         window
     }
 
@@ -129,11 +150,11 @@ impl Window {
     }
 
     /// Local features: range, mean and truncated SVD (WLR section 4 and 7).
-    fn find_features(&mut self, tile: &Tile) {
+    fn find_features(&mut self, frames: &[&Tile]) {
         let valid = self.valid();
         let feature = |i: usize, j: usize| {
-            let position = self.samples[i].position;
-            f64::from(tile.pixels[position].features[j])
+            let sample = &self.samples[i];
+            f64::from(frames[sample.frame].pixels[sample.position].features[j])
         };
         let mut mapped = DMatrix::zeros(self.samples.len(), FEATURES);
         let mut noise = 0.0;
@@ -152,7 +173,8 @@ impl Window {
                 mapped[(i, j)] = (inside(i) - inside(0)) * scale;
             }
             for &i in &valid {
-                let variance = tile.feature_variance[self.samples[i].position][j];
+                let sample = &self.samples[i];
+                let variance = frames[sample.frame].feature_variance[sample.position][j];
                 let mapped = f64::from(variance) * scale * scale;
                 noise += mapped;
                 self.feature_noise[j] += mapped / valid.len() as f64;
@@ -171,6 +193,9 @@ impl Window {
         order.sort_by(|&a, &b| gramian.eigenvalues[b].total_cmp(&gramian.eigenvalues[a]));
         order.retain(|&m| gramian.eigenvalues[m] > threshold);
         self.rank = order.len();
+        let kept = order.iter().map(|&m| gramian.eigenvalues[m]);
+        let next = kept.clone().skip(1);
+        self.gap = kept.zip(next).map(|(a, b)| 1.0 - b / a).fold(1.0, f64::min);
         let distances = gramian.eigenvalues.iter().map(|v| {
             let ratio = v.max(1e-12 * largest) / threshold;
             ratio.max(1.0 / ratio)

@@ -6,6 +6,7 @@ pub mod definition;
 pub mod features;
 pub mod frames;
 pub mod images;
+pub mod one_window;
 pub mod oracle;
 pub mod passes;
 pub mod strategies;

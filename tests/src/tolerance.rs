@@ -96,6 +96,13 @@ pub const MODEL_PREDICTION: f64 = 1e-4;
 /// The same of the papers' formulas, whose f32 recursion also predicts missing pixels, which it was not fitted to. Seen: 2e-4.
 pub const LITERAL_PREDICTION: f64 = 1e-3;
 
+/// WLR's prediction against its formulas in f64, relative to the window's largest radiance: directions of features are found in f32, and a bandwidth is a root
+/// of what a fit finds along them.
+pub const WLR_PREDICTION: f64 = 1e-3;
+
+/// WLR's mean squared error, relative to that and a thousandth of the largest radiance squared: squares of small differences of the above.
+pub const WLR_ERROR: f64 = 2e-2;
+
 /// Risk of the radius that was chosen above the least, relative: radii whose risks are within rounding of each other are alike.
 pub const MODEL_RISK: f64 = 1e-3;
 

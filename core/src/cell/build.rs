@@ -4,10 +4,11 @@ use crate::cell::feature_space::MAX_TERMS;
 use crate::cell::fit::Fit;
 use crate::cell::fit::lpr::Lpr;
 use crate::cell::fit::robust::Systems;
+use crate::cell::fit::wlr::Wlr;
 use crate::cell::lent::{Cells, Scratch};
 use crate::cell::model::Coefficients;
 use crate::cell::rings::{Centre, Centres, RING_STEPS};
-use crate::cell::window::{Colours, Sample};
+use crate::cell::window::{Colours, Sample, in_frame};
 use crate::lanes::{Rgb, lanes_stay_innermost};
 use crate::params::{Formulas, Params};
 use crate::tile::{CHANNELS, WINDOW_AREA};
@@ -24,7 +25,11 @@ pub(crate) fn build_models<const D: usize, const L: usize>(
     scratch: &mut Scratch<D, L>,
 ) {
     let largest = scratch.basis.rank.iter().fold(0, |a, b| a.max(*b));
-    match if L == 1 { D } else { largest } {
+    let largest = if L == 1 { D } else { largest };
+    if params.formulas == Formulas::Wlr {
+        return build_by_wlr(cells, centres, params, scratch);
+    }
+    match largest {
         0..=2 => build_with_terms::<3, D, L>(cells, centres, params, scratch),
         3 | 4 => build_with_terms::<5, D, L>(cells, centres, params, scratch),
         5 | 6 => build_with_terms::<7, D, L>(cells, centres, params, scratch),
@@ -49,7 +54,24 @@ fn build_with_terms<const T: usize, const D: usize, const L: usize>(
         match params.formulas {
             Formulas::Robust => build::<Systems<T, L>, T, D, L>(cells, centres, params, scratch),
             Formulas::Literal => build::<Lpr, T, D, L>(cells, centres, params, scratch),
+            // In one size, above.
+            Formulas::Wlr => {}
         }
+    }
+}
+
+/// The same by WLR, whose loops know the rank themselves.
+#[inline(always)]
+fn build_by_wlr<const D: usize, const L: usize>(
+    cells: &mut impl Cells<D>,
+    centres: &Centres<L>,
+    params: &Params,
+    scratch: &mut Scratch<D, L>,
+) {
+    if const { D <= 9 } {
+        build::<Wlr<19, L>, 10, D, L>(cells, centres, params, scratch);
+    } else {
+        build::<Wlr<{ 2 * MAX_TERMS - 1 }, L>, MAX_TERMS, D, L>(cells, centres, params, scratch);
     }
 }
 
@@ -70,7 +92,11 @@ fn build<F: Fit<T, D, L>, const T: usize, const D: usize, const L: usize>(
         predicted.add_to(lane, centre, &models, cells.results(lane).0);
     }
     for layer in 0..layers {
-        read_layer(cells, centres, layer, predicted.colours());
+        if windows.over_frames {
+            read_layer_of_frames(cells, centres, layer, predicted.colours());
+        } else {
+            read_layer(cells, centres, layer, predicted.colours());
+        }
         let (even, value) = even_lanes(&windows.samples, predicted.colours());
         let mut coefficients = [[[0.0; L]; T]; CHANNELS];
         if !even.iter().all(|even| *even) {
@@ -158,6 +184,40 @@ fn read_layer<const D: usize, const L: usize>(
         for (colours, &step) in colours.iter_mut().zip(&RING_STEPS) {
             let own = layer.colour_at(centre.position().wrapping_add_signed(step));
             for (colours, value) in colours.iter_mut().zip(own) {
+                if let Some(colour) = colours.get_mut(lane) {
+                    *colour = value;
+                }
+            }
+        }
+    }
+}
+
+/// The same in windows over several frames; 0 where there is no such frame.
+#[inline(always)]
+fn read_layer_of_frames<const D: usize, const L: usize>(
+    cells: &mut impl Cells<D>,
+    centres: &Centres<L>,
+    layer: usize,
+    colours: &mut Colours<L>,
+) {
+    for (lane, centre) in centres.iter().enumerate() {
+        let Some(centre) = *centre else { continue };
+        for (place, colours) in colours.iter_mut().enumerate() {
+            let (frame, pixel) = in_frame(place);
+            let step = RING_STEPS.get(pixel).copied().unwrap_or(0);
+            let position = centre.position().wrapping_add_signed(step);
+            let value = match frame.checked_sub(1) {
+                None => cells
+                    .results(lane)
+                    .1
+                    .get(layer)
+                    .map(|own| own.colour_at(position)),
+                Some(other) => cells
+                    .frame(lane, other)
+                    .and_then(|frame| Some(frame.layers.get(layer)?.colour_at(position))),
+            };
+            let value = value.unwrap_or([0.0; CHANNELS]);
+            for (colours, value) in colours.iter_mut().zip(value) {
                 if let Some(colour) = colours.get_mut(lane) {
                     *colour = value;
                 }

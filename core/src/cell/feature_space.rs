@@ -16,6 +16,7 @@
 use crate::cell::window::{Extent, Windows};
 use crate::eigen::{Decomposed, decorrelate};
 use crate::lanes::{Aligned, Lanes, Matrix, Vector, add_products, lanes_stay_innermost};
+use crate::params::{Formulas, Params};
 use crate::tile::WINDOW_AREA;
 
 /// A feature that moves less than this part of its magnitude in the window is constant.
@@ -26,6 +27,9 @@ const ROUNDING: f32 = 1e-4;
 
 /// Directions that correlate by less are independent enough: the fit spans them either way.
 const CORRELATION: f32 = 0.05;
+
+/// The same where each direction has a bandwidth of its own (WLR section 5.2).
+const CORRELATION_OF_BANDWIDTHS: f32 = 1e-6;
 
 /// Terms of the largest model: an intercept and 15 local features.
 pub const MAX_TERMS: usize = 16;
@@ -51,14 +55,14 @@ impl<const D: usize, const L: usize> Basis<D, L> {
 
 /// Replaces the windows' features by those in the unit of their range, and finds the directions to keep.
 ///
-/// `variances` are the sums of the features' over the windows, `norm_factor` is C. A window without a valid pixel has
+/// `variances` are the sums of the features' over the windows; C and how exact the directions are the parameters say. A window without a valid pixel has
 /// rank 0.
 #[inline(always)]
 pub(crate) fn find_basis<const D: usize, const L: usize>(
     windows: &mut Windows<D, L>,
     extent: &Extent<D, L>,
     variances: &Vector<D, L>,
-    norm_factor: f32,
+    params: &Params,
     basis: &mut Basis<D, L>,
 ) {
     const {
@@ -80,10 +84,16 @@ pub(crate) fn find_basis<const D: usize, const L: usize>(
         }
         lanes_stay_innermost();
     }
-    let found = decorrelate(&mut gramian, CORRELATION);
+    let found = decorrelate(
+        &mut gramian,
+        match params.formulas {
+            Formulas::Robust | Formulas::Literal => CORRELATION,
+            Formulas::Wlr => CORRELATION_OF_BANDWIDTHS,
+        },
+    );
     basis.axes = [[[0.0; L]; D]; D];
     for l in 0..L {
-        let threshold = norm_factor * norm_factor * noise[l];
+        let threshold = params.truncation * params.truncation * noise[l];
         basis.rank[l] = 0;
         if found.finite[l] {
             keep_strongest(&found, threshold, l, basis);

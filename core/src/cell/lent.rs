@@ -5,8 +5,8 @@ use crate::cell::feature_noise::FeatureNoise;
 use crate::cell::feature_space::Basis;
 use crate::cell::placement::Placement;
 use crate::cell::prediction::PredictionWindows;
-use crate::cell::window::Windows;
-use crate::params::Params;
+use crate::cell::window::{OTHER_FRAMES, Windows};
+use crate::params::{Formulas, Params};
 use crate::tile::{OtherFeatures, SETS, Seen, Tile};
 
 /// Working memory of `L` cells of `D` features at a time, lent by the caller; its contents carry nothing from one cell
@@ -48,6 +48,15 @@ impl<const D: usize, const L: usize> Default for Scratch<D, L> {
     }
 }
 
+/// The pixels of another frame in the place of a tile, and its layers there: as many as the tile's.
+#[derive(Clone, Copy, Debug)]
+pub struct OtherFrame<'a, const D: usize> {
+    /// Its pixels.
+    pub tile: &'a Tile<D>,
+    /// Its layers; their sums are not read.
+    pub layers: &'a [LayerTile],
+}
+
 /// A source of cells with `D` features, and where their results go. Each lane holds one cell at a time.
 pub trait Cells<const D: usize> {
     /// Loads the next cell into `lane`, the sums of its layers cleared; false if none is left.
@@ -60,10 +69,30 @@ pub trait Cells<const D: usize> {
         let _ = lane;
         None
     }
+    /// The same place in one of the frames around, of which `k` counts up to four: [`Formulas::Wlr`] then fits to the 7 x 7 pixels around a centre in its own
+    /// frame and in each of those (WLR section 8), whose number is one of the features that a tile holds. None, unless implemented; no other formulas
+    /// read them.
+    fn frame(&self, lane: usize, k: usize) -> Option<OtherFrame<'_, D>> {
+        let _ = (lane, k);
+        None
+    }
     /// The predictions of the cell in `lane`, and the layers that follow it: the same number in every lane.
     fn results(&mut self, lane: usize) -> (&mut Predictions, &mut [LayerTile]);
     /// The cell in `lane` is finished; `models` models were built for it.
     fn done(&mut self, lane: usize, models: u32);
+}
+
+/// The frames around that of the cell in `lane` that its models are fitted to as well.
+#[inline(always)]
+pub(crate) fn frames<'a, const D: usize>(
+    cells: &'a impl Cells<D>,
+    lane: usize,
+    params: &Params,
+) -> [Option<&'a Tile<D>>; OTHER_FRAMES] {
+    match params.formulas {
+        Formulas::Wlr => core::array::from_fn(|k| cells.frame(lane, k).map(|frame| frame.tile)),
+        Formulas::Robust | Formulas::Literal => [None; OTHER_FRAMES],
+    }
 }
 
 /// What the models of the cell in `lane` see.

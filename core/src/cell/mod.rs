@@ -26,7 +26,7 @@ mod window;
 use crate::blend::Predictions;
 use crate::cell::build::build_models;
 use crate::cell::feature_space::find_basis;
-use crate::cell::lent::{Cells, Scratch, seen};
+use crate::cell::lent::{Cells, Scratch, frames, seen};
 use crate::cell::rings::{Centre, Centres};
 use crate::params::Params;
 
@@ -45,13 +45,19 @@ pub fn denoise_cells<const D: usize, const L: usize>(
     let mut more = true;
     while let Some(centres) = next_centres(cells, params, scratch, &mut more) {
         let tiles = core::array::from_fn(|lane| seen(cells, lane, params));
-        let extent = scratch.windows.read(&tiles, &centres);
-        let variances = feature_noise::around(&scratch.noise, &centres);
+        let frames: [_; L] = core::array::from_fn(|lane| frames(cells, lane, params));
+        let windows = &mut scratch.windows;
+        let (extent, variances) = if frames.as_flattened().iter().any(Option::is_some) {
+            windows.read_frames(&tiles, &frames, &centres)
+        } else {
+            let noise = feature_noise::around(&scratch.noise, &centres);
+            (windows.read(&tiles, &centres), noise)
+        };
         find_basis(
             &mut scratch.windows,
             &extent,
             &variances,
-            params.truncation,
+            params,
             &mut scratch.basis,
         );
         build_models(cells, &centres, params, scratch);

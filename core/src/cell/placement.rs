@@ -129,7 +129,7 @@ impl Placement {
 fn wants_model<const D: usize>(tile: &Tile<D>, centre: Centre, formulas: Formulas) -> bool {
     match tile.pixel_at(centre.position()).state {
         PixelState::Outside => false,
-        PixelState::Clean => formulas == Formulas::Literal,
+        PixelState::Clean => formulas.are_published(),
         PixelState::Noisy | PixelState::Bad => true,
     }
 }

@@ -76,6 +76,8 @@ struct Common<const L: usize> {
     /// Variance that the features' noise prints into them, in the window's unit. The pixels that judge the model share their samples
     /// with the features, so what a model prints looks like truth to them; this takes the advantage away.
     printed: Lanes<L>,
+    /// What WLR's formulas say of the error at the centre, which is all that they predict, in the window's unit.
+    risk: Lanes<L>,
     /// A squared distance of 1 in the window's unit, as radiance squared, mean over the channels.
     per_channel: Lanes<L>,
 }
@@ -243,10 +245,13 @@ impl<const L: usize> PredictionWindows<L> {
                         let share = 1.0 - common.edge_loss[l] * ring * ring;
                         confidence[l] * share * blend::confidence(bias + ERROR_SOFTENING)
                     }
-                    Formulas::Literal => 1.0,
+                    Formulas::Literal | Formulas::Wlr => 1.0,
                 };
                 let variance = common.fit_variance[l] * sample.variance[l];
-                let squared = (near[l] + common.printed[l] + variance) * common.per_channel[l];
+                let squared = match formulas {
+                    Formulas::Robust | Formulas::Literal => near[l] + common.printed[l] + variance,
+                    Formulas::Wlr => common.risk[l],
+                } * common.per_channel[l];
                 let (r, g, b) = (colour[0][l] * own, colour[1][l] * own, colour[2][l] * own);
                 let squared = squared * own;
                 // Not a number, too, where two of them are infinite.
@@ -276,6 +281,7 @@ impl<const L: usize> PredictionWindows<L> {
             edge_loss: [0.0; L],
             fit_variance: [0.0; L],
             printed: printed_variance(&models.coefficients, basis),
+            risk: models.risk,
             per_channel: [0.0; L],
         };
         for l in 0..L {

@@ -5,10 +5,10 @@
     reason = "the loops follow the indices of the formulas"
 )]
 
-use crate::cell::rings::{Centre, Centres, RINGS};
+use crate::cell::rings::{Centre, Centres, RING_STEPS, RINGS, window_pixels};
 use crate::float::sqrt;
 use crate::lanes::{Lanes, Rgb, Vector, lanes_stay_innermost};
-use crate::tile::{Pixel, RADIUS, Seen, TILE, WINDOW_AREA};
+use crate::tile::{Pixel, RADIUS, Seen, TILE, Tile, WINDOW_AREA};
 
 /// Radiance over each window, ring after ring.
 pub(crate) type Colours<const L: usize> = [Rgb<L>; WINDOW_AREA];
@@ -59,6 +59,8 @@ pub(crate) struct Windows<const D: usize, const L: usize> {
     pub(crate) radiance_scale: Lanes<L>,
     /// Windows that have a model: those with a centre and a valid pixel.
     pub(crate) live: [bool; L],
+    /// Whether they are over several frames, their pixels in the order of [`in_frame`].
+    pub(crate) over_frames: bool,
 }
 
 /// Where each window's features lie, over its valid pixels.
@@ -76,6 +78,7 @@ impl<const D: usize, const L: usize> Windows<D, L> {
         samples: [Sample::ZERO; WINDOW_AREA],
         radiance_scale: [1.0; L],
         live: [false; L],
+        over_frames: false,
     };
 
     /// Reads the window around each centre; a lane without one has no valid pixel.
@@ -83,22 +86,11 @@ impl<const D: usize, const L: usize> Windows<D, L> {
     pub(crate) fn read(&mut self, seen: &[Seen<D>; L], centres: &Centres<L>) -> Extent<D, L> {
         let positions = centres.map(|centre| centre.map_or(BEYOND, Centre::position));
         let sets = centres.map(|centre| centre.map_or(0, |centre| usize::from(centre.set)));
-        let mut extent = Extent {
-            pixels: [0.0; L],
-            low: [[f32::MAX; L]; D],
-            high: [[f32::MIN; L]; D],
-            weight: [0.0; L],
-        };
+        self.over_frames = false;
+        let mut extent = Extent::EMPTY;
         for (row, places) in RASTER_TO_RING.iter().enumerate() {
             for (column, &place) in places.iter().enumerate() {
                 let step = (row * TILE + column) as isize - (RADIUS * (TILE + 1)) as isize;
-                let (Some(features), Some(sample)) = (
-                    self.features.get_mut(usize::from(place)),
-                    self.samples.get_mut(usize::from(place)),
-                ) else {
-                    debug_assert!(false, "{place} is not in the window");
-                    break;
-                };
                 let mut pixels = [const { &Pixel::OUTSIDE }; L];
                 let mut guides = [const { &[0.0; D] }; L];
                 for l in 0..L {
@@ -110,18 +102,70 @@ impl<const D: usize, const L: usize> Windows<D, L> {
                     features: guides,
                     pixels,
                 };
-                take_four::<0, D, L>(&read, features, sample);
-                take_four::<4, D, L>(&read, features, sample);
-                take_four::<8, D, L>(&read, features, sample);
-                take_four::<12, D, L>(&read, features, sample);
-                take_four::<16, D, L>(&read, features, sample);
-                take_four::<20, D, L>(&read, features, sample);
-                extent.take_in(features, sample);
+                self.take(usize::from(place), &read, &mut extent);
                 lanes_stay_innermost();
             }
         }
         self.use_own_unit(&extent.weight);
         extent
+    }
+
+    /// Reads, of each centre's own frame and of those around it, the 7 x 7 pixels in its place (WLR section 8), the centre first; what is left of the
+    /// window's pixels is none. Also the sums of the features' variances over its valid pixels.
+    #[inline(always)]
+    pub(crate) fn read_frames(
+        &mut self,
+        seen: &[Seen<D>; L],
+        frames: &[[Option<&Tile<D>>; OTHER_FRAMES]; L],
+        centres: &Centres<L>,
+    ) -> (Extent<D, L>, Vector<D, L>) {
+        let positions = centres.map(|centre| centre.map_or(BEYOND, Centre::position));
+        self.over_frames = true;
+        let mut extent = Extent::EMPTY;
+        let mut variances = [[0.0; L]; D];
+        for place in 0..WINDOW_AREA {
+            let (frame, pixel) = in_frame(place);
+            let mut pixels = [const { &Pixel::OUTSIDE }; L];
+            for l in 0..L {
+                let tile = match frame.checked_sub(1) {
+                    None => Some(seen[l].tile),
+                    Some(other) => frames[l].get(other).copied().flatten(),
+                };
+                let step = RING_STEPS.get(pixel).copied().unwrap_or(0);
+                let position = positions[l].wrapping_add_signed(step);
+                let Some(tile) = tile else { continue };
+                pixels[l] = tile.pixel_at(position);
+                let variance = tile.feature_variance.get(position);
+                if let Some(variance) = variance.filter(|_| pixels[l].weight > 0.0) {
+                    for (sum, own) in variances.iter_mut().zip(variance) {
+                        sum[l] += own;
+                    }
+                }
+            }
+            let features = pixels.map(|pixel| &pixel.features);
+            self.take(place, &Read { features, pixels }, &mut extent);
+            lanes_stay_innermost();
+        }
+        self.use_own_unit(&extent.weight);
+        (extent, variances)
+    }
+
+    /// Takes a pixel of each window.
+    #[inline(always)]
+    fn take(&mut self, place: usize, read: &Read<D, L>, extent: &mut Extent<D, L>) {
+        let (Some(features), Some(sample)) =
+            (self.features.get_mut(place), self.samples.get_mut(place))
+        else {
+            debug_assert!(false, "{place} is not in the window");
+            return;
+        };
+        take_four::<0, D, L>(read, features, sample);
+        take_four::<4, D, L>(read, features, sample);
+        take_four::<8, D, L>(read, features, sample);
+        take_four::<12, D, L>(read, features, sample);
+        take_four::<16, D, L>(read, features, sample);
+        take_four::<20, D, L>(read, features, sample);
+        extent.take_in(features, sample);
     }
 
     /// Scales radiance to the unit in which the largest weight is 1, so that no exposure overflows.
@@ -152,6 +196,14 @@ impl<const D: usize, const L: usize> Windows<D, L> {
 }
 
 impl<const D: usize, const L: usize> Extent<D, L> {
+    /// Of no pixels.
+    const EMPTY: Self = Self {
+        pixels: [0.0; L],
+        low: [[f32::MAX; L]; D],
+        high: [[f32::MIN; L]; D],
+        weight: [0.0; L],
+    };
+
     /// Takes in a pixel of each window.
     #[inline(always)]
     fn take_in(&mut self, values: &Vector<D, L>, sample: &Sample<L>) {
@@ -242,6 +294,18 @@ fn value<const D: usize>(features: &[f32; D], pixel: &Pixel<D>, k: usize) -> f32
         Some(5) => pixel.tolerance,
         _ => 0.0,
     }
+}
+
+/// Frames that a window over several reads beside its own: two before and two after.
+pub(crate) const OTHER_FRAMES: usize = 4;
+/// Pixels that it reads of each: those up to ring 3.
+const FRAME_PIXELS: usize = window_pixels(3);
+const _: () = assert!((OTHER_FRAMES + 1) * FRAME_PIXELS <= WINDOW_AREA);
+
+/// Which frame place `place` of a window over several is of, 0 its own, and which pixel of that, ring after ring. There are more places than pixels.
+#[inline(always)]
+pub(crate) fn in_frame(place: usize) -> (usize, usize) {
+    (place / FRAME_PIXELS, place % FRAME_PIXELS)
 }
 
 /// The centre of a window without a centre: beyond every tile.

@@ -24,8 +24,10 @@ pub(crate) enum Method {
     High,
     /// linpred with a model at every pixel: what weighted local regression costs.
     PerPixel,
-    /// The papers' formulas to the letter.
+    /// LPR's formulas to the letter.
     Literal,
+    /// WLR's formulas to the letter.
+    Wlr,
     /// Open Image Denoise, quality high, albedo and normal.
     Oidn,
 }
@@ -46,6 +48,7 @@ impl Method {
             Self::High => Some(Params::new(Quality::High)),
             Self::PerPixel => Some(every_pixel),
             Self::Literal => Some(Params::literal()),
+            Self::Wlr => Some(Params::wlr()),
             _ => None,
         }
     }

@@ -105,7 +105,7 @@ fn panel(text: &mut String, title: &str, places: &[Place]) {
 fn colour(method: Method) -> &'static str {
     match method {
         Method::Fast | Method::Balanced | Method::High => "#1565c0",
-        Method::PerPixel | Method::Literal => "#6a1b9a",
+        Method::PerPixel | Method::Literal | Method::Wlr => "#6a1b9a",
         Method::Oidn => "#c0392b",
         _ => "#555",
     }

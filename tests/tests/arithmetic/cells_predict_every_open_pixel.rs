@@ -1,6 +1,6 @@
 //! No pixel that asks for a prediction goes without one, whatever a tile holds.
 
-use linpred_core::{CELL, Formulas, HALO, Params, PixelState, Quality, TILE};
+use linpred_core::{CELL, HALO, Params, PixelState, Quality, TILE};
 use linpred_tests::cells::{Tile, denoise, tile};
 use linpred_tests::strategies::any_finite;
 use proptest::prelude::{ProptestConfig, Strategy, any, prop_assert, prop_oneof, proptest};
@@ -28,11 +28,11 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
     #[test]
-    fn and_says_nothing_that_is_not_finite(tile in tiles(), params in select(vec![Params::new(Quality::Fast), Params::new(Quality::Balanced), Params::literal()])) {
+    fn and_says_nothing_that_is_not_finite(tile in tiles(), params in select(vec![Params::new(Quality::Fast), Params::new(Quality::Balanced), Params::literal(), Params::wlr()])) {
         let cell = denoise(&tile, &params);
         let open = of_the_cell().filter(|&i| match tile.pixels[i].state {
             PixelState::Outside => false,
-            PixelState::Clean => params.formulas == Formulas::Literal,
+            PixelState::Clean => params.formulas.are_published(),
             PixelState::Noisy | PixelState::Bad => true,
         });
         prop_assert!(cell.models <= open.count() as u32 * 3);

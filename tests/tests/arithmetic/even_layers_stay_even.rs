@@ -59,4 +59,5 @@ fn in_one_lane_and_beside_others() {
         check::<8>(&Params::new(quality));
     }
     check::<1>(&Params::literal());
+    check::<8>(&Params::wlr());
 }

@@ -66,7 +66,7 @@ proptest! {
     #[test]
     fn in_any_order(
         (jobs, order) in rows(),
-        params in select(vec![Params::new(Quality::Fast), Params::new(Quality::Balanced), Params::literal()]),
+        params in select(vec![Params::new(Quality::Fast), Params::new(Quality::Balanced), Params::literal(), Params::wlr()]),
     ) {
         let alone: Vec<_> = jobs.iter().flat_map(|job| side_by_side::<1>(std::slice::from_ref(job), &[0], &params)).collect();
         prop_assert!(alone.iter().all(|(models, _)| models.is_some()));

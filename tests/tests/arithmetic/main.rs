@@ -18,3 +18,4 @@ mod rls_equals_batch_least_squares;
 mod trouble_in_a_cell;
 mod truncated_svd_of_windows;
 mod validation_equals_refits;
+mod weighted_local_regression_is_its_definition;

@@ -2,7 +2,7 @@
 
 use linpred_core::{Formulas, Pixel, PixelState, Sum, resolve, resolve_layer, resolve_scalar};
 use linpred_tests::tolerance::{RESOLVED, close};
-use proptest::prelude::{Strategy, any, prop_assert, prop_assert_eq, proptest};
+use proptest::prelude::{Strategy, prop_assert, prop_assert_eq, proptest};
 use proptest::sample::select;
 
 /// One model's prediction.
@@ -68,9 +68,8 @@ fn own_weight(state: PixelState, formulas: Formulas, others: f64) -> f64 {
         (PixelState::Clean, _) => f64::INFINITY,
         // A part of a prediction that is as far off as the noise: (1 + 0.5)^-1.5.
         (PixelState::Noisy, Formulas::Robust) => 0.3 * 1.5f64.powf(-1.5),
-        (PixelState::Noisy, Formulas::Literal) if others > 0.0 => 0.0,
-        (PixelState::Noisy, Formulas::Literal) => 1.0,
-        (PixelState::Noisy, other) => panic!("{other:?} has no definition"),
+        (PixelState::Noisy, _) if others > 0.0 => 0.0,
+        (PixelState::Noisy, _) => 1.0,
     }
 }
 
@@ -84,9 +83,9 @@ fn sum_of(predictions: &[Prediction], c: usize) -> f32 {
 proptest! {
     #[test]
     fn with_their_weights(
-        pixel in pixels(), predictions in predictions(), own_layer in proptest::array::uniform3(-1.0f32..9.0), literal in any::<bool>(),
+        pixel in pixels(), predictions in predictions(), own_layer in proptest::array::uniform3(-1.0f32..9.0), formulas in select(vec![Formulas::Robust, Formulas::Literal, Formulas::Wlr]),
     ) {
-        let formulas = if literal { Formulas::Literal } else { Formulas::Robust };
+        let literal = formulas.are_published();
         let (mut sum, mut layer) = (Sum::NONE, [0.0; 3]);
         for prediction in &predictions {
             sum.add(&prediction.sum());

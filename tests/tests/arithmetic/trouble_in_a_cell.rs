@@ -30,6 +30,7 @@ fn cases() -> impl Strategy<Value = Case> {
         Params::new(Quality::Fast),
         Params::new(Quality::Balanced),
         Params::literal(),
+        Params::wlr(),
     ];
     (
         any::<u64>(),

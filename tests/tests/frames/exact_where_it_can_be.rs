@@ -134,6 +134,7 @@ fn pixels_without_variance_among_such_pass_through_to_the_bit() {
         Params::new(Quality::Fast),
         Params::new(Quality::High),
         Params::literal(),
+        Params::wlr(),
     ] {
         let output = frame.denoise(params);
         for (y, (row, denoised)) in frame.rows.iter().zip(&output.rows).enumerate() {

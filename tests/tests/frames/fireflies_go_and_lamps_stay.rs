@@ -202,8 +202,10 @@ fn a_lone_pixel_in_the_dark_stays() {
 fn the_papers_formulas_know_no_fireflies() {
     let mut frame = wall(VarianceKind::OfMean);
     frame.add_firefly((24, 24), 1001.0);
-    let output = frame.denoise(Params::literal());
-    assert_eq!(output.report.counts.fireflies, 0);
+    for params in [Params::literal(), Params::wlr()] {
+        let output = frame.denoise(params);
+        assert_eq!(output.report.counts.fireflies, 0);
+    }
 }
 
 /// A scene with spikes all over, of which many are nearly a firefly, and some pixels that are not numbers.

@@ -45,6 +45,7 @@ fn with_any_formulas() {
         Params::new(Quality::Fast),
         Params::new(Quality::High),
         Params::literal(),
+        Params::wlr(),
     ] {
         sums_hold(&scene(), params);
     }

@@ -28,8 +28,10 @@ pub enum linpred_quality {
 pub enum linpred_formulas {
     /// linpred's own.
     LINPRED_FORMULAS_ROBUST = 0,
-    /// Those of the papers to the letter, to compare with.
+    /// Those of Moon et al. 2015 (linear predictions) to the letter, to compare with.
     LINPRED_FORMULAS_LITERAL = 1,
+    /// Those of Moon et al. 2014 (weighted local regression) to the letter, likewise; slow.
+    LINPRED_FORMULAS_WLR = 2,
 }
 
 /// What to compute, and on what. LINPRED_OPTIONS_INIT sets the size and every default; 0 is the default of each
@@ -41,7 +43,7 @@ pub struct linpred_options {
     pub struct_size: usize,
     /// One of linpred_quality.
     pub quality: i32,
-    /// One of linpred_formulas. The literal ones know no quality.
+    /// One of linpred_formulas. Those of the papers know no quality.
     pub formulas: i32,
     /// How many good models predict a pixel before no new one is built for it, up to 65535; 0 leaves it to the
     /// quality.
@@ -113,6 +115,7 @@ fn params(quality: i32, formulas: i32, default: Params) -> Result<Params, Failur
     const HIGH: i32 = linpred_quality::LINPRED_QUALITY_HIGH as i32;
     const ROBUST: i32 = linpred_formulas::LINPRED_FORMULAS_ROBUST as i32;
     const LITERAL: i32 = linpred_formulas::LINPRED_FORMULAS_LITERAL as i32;
+    const WLR: i32 = linpred_formulas::LINPRED_FORMULAS_WLR as i32;
     let robust = match quality {
         DEFAULT => default,
         FAST => Params::new(Quality::Fast),
@@ -127,6 +130,7 @@ fn params(quality: i32, formulas: i32, default: Params) -> Result<Params, Failur
     match formulas {
         ROBUST => Ok(robust.with_formulas(Formulas::Robust)),
         LITERAL => Ok(Params::literal()),
+        WLR => Ok(Params::wlr()),
         other => Err(Failure::argument(format!(
             "formulas is {other}, none of linpred_formulas"
         ))),
@@ -183,5 +187,6 @@ mod tests {
             assert_eq!(settings(quality, 0), own.map(Params::new), "{quality}");
         }
         assert_eq!(settings(6, 1), [Params::literal(); 2]);
+        assert_eq!(settings(6, 2), [Params::wlr(); 2]);
     }
 }

@@ -31,7 +31,12 @@ impl Computing {
         let mut params = match self.formulas.as_str() {
             "robust" => Params::new(quality),
             "literal" => Params::literal(),
-            other => return refused(format!("formulas {other:?}: they are robust or literal")),
+            "wlr" => Params::wlr(),
+            other => {
+                return refused(format!(
+                    "formulas {other:?}: they are robust, literal or wlr"
+                ));
+            }
         };
         match self
             .coverage

@@ -173,7 +173,7 @@ WRONG = {
     "normal is given twice: as an argument and in features": dict(colour=NONE, normal=NONE, features={"normal": NONE}),
     "depth_variance is given without depth": dict(colour=NONE, depth_variance=NONE[..., 0]),
     "quality \"best\": it is fast, balanced or high": dict(colour=NONE, quality="best"),
-    "formulas \"new\": they are robust or literal": dict(colour=NONE, formulas="new"),
+    "formulas \"new\": they are robust, literal or wlr": dict(colour=NONE, formulas="new"),
     "coverage 0: it is 1 to 1024 models": dict(colour=NONE, coverage=0),
     "coverage 70000: it is 1 to 1024 models": dict(colour=NONE, coverage=70000),
     "threads 0: it is 1 or more": dict(colour=NONE, threads=0),

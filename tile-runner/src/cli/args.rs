@@ -436,8 +436,10 @@ pub(crate) enum QualityName {
 pub(crate) enum FormulasName {
     /// This program's
     Robust,
-    /// The papers' to the letter, a baseline: one model per pixel whatever the quality, unless --coverage is given
+    /// Those of Moon et al. 2015 to the letter, a baseline: one model per pixel whatever the quality, unless --coverage is given
     Literal,
+    /// Those of Moon et al. 2014, weighted local regression, to the letter, a slow baseline: a fit at every pixel whatever the quality
+    Wlr,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

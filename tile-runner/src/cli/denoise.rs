@@ -172,6 +172,7 @@ fn options(arguments: &DenoiseArguments) -> JobOptions {
     let mut params = match arguments.formulas {
         FormulasName::Robust => Params::new(quality(arguments.quality)),
         FormulasName::Literal => Params::literal(),
+        FormulasName::Wlr => Params::wlr(),
     };
     if let Some(coverage) = arguments.coverage {
         params.coverage = coverage;

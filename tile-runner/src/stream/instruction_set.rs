@@ -328,7 +328,7 @@ mod tests {
         ];
         all.extend(finished(instruction_set, &mut noise));
         let mut scratch = Box::new(Scratch::new());
-        for params in [Params::default(), Params::literal()] {
+        for params in [Params::default(), Params::literal(), Params::wlr()] {
             let mut row = Row::new(&mut noise);
             instruction_set.denoise_cells(&mut row, &params, &mut scratch);
             assert!(row.models.iter().all(|models| *models > 0));

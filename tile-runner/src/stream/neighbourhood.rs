@@ -42,7 +42,7 @@ impl Neighbourhood<'_> {
 
     /// Whether a cell is worked on, or skipped because no model is needed in it. The papers' formulas know of no such cells.
     pub(crate) fn needs_models(&self, column: usize, formulas: Formulas) -> bool {
-        formulas == Formulas::Literal || !self.is_clean(column)
+        formulas.are_published() || !self.is_clean(column)
     }
 
     /// Whether every pixel of a cell passes through.

@@ -15,7 +15,7 @@
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
-use linpred_core::{CELL, Formulas, HALO, Params};
+use linpred_core::{CELL, HALO, Params};
 use rayon::prelude::*;
 
 use crate::error::Error;
@@ -137,10 +137,8 @@ impl Pipeline {
     fn new(layout: RowLayout, options: &Options) -> Self {
         let (instruction_set, threads) = (InstructionSet::detect(), options.threads);
         let batch = batch(&layout, threads);
-        let finish = match options.params.formulas {
-            Formulas::Literal => None,
-            _ => Some(Finish::new(layout, batch, instruction_set)),
-        };
+        let finishes = !options.params.formulas.are_published();
+        let finish = finishes.then(|| Finish::new(layout, batch, instruction_set));
         Self {
             layout,
             params: options.params,

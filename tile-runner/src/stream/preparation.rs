@@ -5,7 +5,7 @@
 
 use std::num::NonZeroUsize;
 
-use linpred_core::{CELL, FIREFLY_HALO, Formulas, HALO, Params};
+use linpred_core::{CELL, FIREFLY_HALO, HALO, Params};
 
 use crate::error::Error;
 use crate::row::{InputRow, RowLayout, RowSource};
@@ -59,7 +59,7 @@ impl Preparation {
             missing: Missing::of(&layout),
             estimated: 0,
             held: HeldRows::new(layout),
-            fireflies: (params.formulas != Formulas::Literal).then(|| Fireflies::new(&layout)),
+            fireflies: (!params.formulas.are_published()).then(|| Fireflies::new(&layout)),
             prepared: std::array::from_fn(|_| PreparedRows::new(&layout, params.vary_features)),
             benches: (0..threads.get()).map(|_| BlockBench::new()).collect(),
             input: InputRow::new(&layout),

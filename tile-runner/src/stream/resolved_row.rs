@@ -65,7 +65,7 @@ impl ResolvedRow {
             }
         }
         self.output.frames.copy_from_slice(&row.colours.frames);
-        if formulas != Formulas::Literal {
+        if !formulas.are_published() {
             self.keep_layers_positive(row);
         }
     }

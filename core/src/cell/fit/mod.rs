@@ -2,6 +2,7 @@
 
 pub(crate) mod lpr;
 pub(crate) mod robust;
+pub(crate) mod wlr;
 
 use crate::cell::feature_space::Basis;
 use crate::cell::model::{Coefficients, Models};
