@@ -8,6 +8,7 @@ use crate::cell::lent::{Cells, Scratch};
 use crate::cell::model::Coefficients;
 use crate::cell::rings::{Centre, Centres, RING_STEPS};
 use crate::cell::window::{Colours, Sample};
+use crate::features::TILE_FEATURES;
 use crate::lanes::{Rgb, lanes_stay_innermost};
 use crate::params::{Formulas, Params};
 use crate::tile::{CHANNELS, WINDOW_AREA};
@@ -24,20 +25,28 @@ pub(crate) fn build_models<const D: usize, const L: usize>(
     scratch: &mut Scratch<D, L>,
 ) {
     let largest = scratch.basis.rank.iter().fold(0, |a, b| a.max(*b));
-    match if L == 1 { D } else { largest } {
-        0..=2 => build_with_terms::<3, D, L>(cells, centres, params, scratch),
-        3 | 4 => build_with_terms::<5, D, L>(cells, centres, params, scratch),
-        5 | 6 => build_with_terms::<7, D, L>(cells, centres, params, scratch),
-        7 => build_with_terms::<8, D, L>(cells, centres, params, scratch),
-        8 => build_with_terms::<9, D, L>(cells, centres, params, scratch),
-        9 => build_with_terms::<10, D, L>(cells, centres, params, scratch),
-        10 | 11 => build_with_terms::<12, D, L>(cells, centres, params, scratch),
-        12 | 13 => build_with_terms::<14, D, L>(cells, centres, params, scratch),
-        _ => build_with_terms::<MAX_TERMS, D, L>(cells, centres, params, scratch),
+    let rank = if L == 1 { D } else { largest };
+    // Tiles with further features are the rarer ones: fewer sizes of models for them halve what the compiler takes.
+    if const { D > TILE_FEATURES } {
+        match rank {
+            0..=4 => build_with_terms::<5, D, L>(cells, centres, params, scratch),
+            5..=7 => build_with_terms::<8, D, L>(cells, centres, params, scratch),
+            8..=11 => build_with_terms::<12, D, L>(cells, centres, params, scratch),
+            _ => build_with_terms::<MAX_TERMS, D, L>(cells, centres, params, scratch),
+        }
+    } else {
+        match rank {
+            0..=2 => build_with_terms::<3, D, L>(cells, centres, params, scratch),
+            3 | 4 => build_with_terms::<5, D, L>(cells, centres, params, scratch),
+            5 | 6 => build_with_terms::<7, D, L>(cells, centres, params, scratch),
+            7 => build_with_terms::<8, D, L>(cells, centres, params, scratch),
+            8 => build_with_terms::<9, D, L>(cells, centres, params, scratch),
+            _ => build_with_terms::<10, D, L>(cells, centres, params, scratch),
+        }
     }
 }
 
-/// The same for models of at most `T` terms; nothing where `D` features cannot make so many, so that no code is made for it.
+/// The same for models of at most `T` terms; nothing where the few features of a small tile cannot make so many, so that no code is made for it.
 #[inline(always)]
 fn build_with_terms<const T: usize, const D: usize, const L: usize>(
     cells: &mut impl Cells<D>,
@@ -45,7 +54,7 @@ fn build_with_terms<const T: usize, const D: usize, const L: usize>(
     params: &Params,
     scratch: &mut Scratch<D, L>,
 ) {
-    if const { T <= D + 2 } {
+    if const { T <= D + 2 || D > TILE_FEATURES } {
         match params.formulas {
             Formulas::Robust => build::<Systems<T, L>, T, D, L>(cells, centres, params, scratch),
             Formulas::Literal => build::<Lpr, T, D, L>(cells, centres, params, scratch),
