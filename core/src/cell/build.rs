@@ -25,28 +25,47 @@ pub(crate) fn build_models<const D: usize, const L: usize>(
     scratch: &mut Scratch<D, L>,
 ) {
     let largest = scratch.basis.rank.iter().fold(0, |a, b| a.max(*b));
-    let rank = if L == 1 { D } else { largest };
-    // Tiles with further features are the rarer ones: fewer sizes of models for them halve what the compiler takes.
     if const { D > TILE_FEATURES } {
-        match rank {
-            0..=4 => build_with_terms::<5, D, L>(cells, centres, params, scratch),
-            5..=7 => build_with_terms::<8, D, L>(cells, centres, params, scratch),
-            8..=11 => build_with_terms::<12, D, L>(cells, centres, params, scratch),
-            _ => build_with_terms::<MAX_TERMS, D, L>(cells, centres, params, scratch),
+        build_wide_models(largest, cells, centres, params, scratch);
+        return;
+    }
+    match if L == 1 { D } else { largest } {
+        0..=2 => build_with_terms::<3, D, L>(cells, centres, params, scratch),
+        3 | 4 => build_with_terms::<5, D, L>(cells, centres, params, scratch),
+        5 | 6 => build_with_terms::<7, D, L>(cells, centres, params, scratch),
+        7 => build_with_terms::<8, D, L>(cells, centres, params, scratch),
+        8 => build_with_terms::<9, D, L>(cells, centres, params, scratch),
+        _ => build_with_terms::<10, D, L>(cells, centres, params, scratch),
+    }
+}
+
+/// The same for more features than those that are known by their names: of fewer sizes, as such tiles are the rarer ones and each size takes the compiler as long as one of
+/// theirs.
+#[inline(always)]
+fn build_wide_models<const D: usize, const L: usize>(
+    largest: usize,
+    cells: &mut impl Cells<D>,
+    centres: &Centres<L>,
+    params: &Params,
+    scratch: &mut Scratch<D, L>,
+) {
+    match (params.formulas, largest) {
+        (Formulas::Robust, 0..=7) => {
+            build::<Systems<8, L>, 8, D, L>(cells, centres, params, scratch);
         }
-    } else {
-        match rank {
-            0..=2 => build_with_terms::<3, D, L>(cells, centres, params, scratch),
-            3 | 4 => build_with_terms::<5, D, L>(cells, centres, params, scratch),
-            5 | 6 => build_with_terms::<7, D, L>(cells, centres, params, scratch),
-            7 => build_with_terms::<8, D, L>(cells, centres, params, scratch),
-            8 => build_with_terms::<9, D, L>(cells, centres, params, scratch),
-            _ => build_with_terms::<10, D, L>(cells, centres, params, scratch),
+        (Formulas::Robust, 8..=11) => {
+            build::<Systems<12, L>, 12, D, L>(cells, centres, params, scratch);
+        }
+        (Formulas::Robust, _) => {
+            build::<Systems<MAX_TERMS, L>, MAX_TERMS, D, L>(cells, centres, params, scratch);
+        }
+        (Formulas::Literal, _) => {
+            build::<Lpr, MAX_TERMS, D, L>(cells, centres, params, scratch);
         }
     }
 }
 
-/// The same for models of at most `T` terms; nothing where the few features of a small tile cannot make so many, so that no code is made for it.
+/// The same for models of at most `T` terms; nothing where `D` features cannot make so many, so that no code is made for it.
 #[inline(always)]
 fn build_with_terms<const T: usize, const D: usize, const L: usize>(
     cells: &mut impl Cells<D>,
@@ -54,7 +73,7 @@ fn build_with_terms<const T: usize, const D: usize, const L: usize>(
     params: &Params,
     scratch: &mut Scratch<D, L>,
 ) {
-    if const { T <= D + 2 || D > TILE_FEATURES } {
+    if const { T <= D + 2 } {
         match params.formulas {
             Formulas::Robust => build::<Systems<T, L>, T, D, L>(cells, centres, params, scratch),
             Formulas::Literal => build::<Lpr, T, D, L>(cells, centres, params, scratch),

@@ -80,8 +80,12 @@ impl CellBenches {
             sums: sums.adding(),
         };
         let time = match &mut self.benches {
-            Benches::Known(benches) => row.share_out(benches, params, instruction_set),
-            Benches::Wide(benches) => row.share_out(benches, params, instruction_set),
+            Benches::Known(benches) => row.share_out(benches, |share, scratch| {
+                instruction_set.denoise_cells(share, params, scratch);
+            }),
+            Benches::Wide(benches) => row.share_out(benches, |share, scratch| {
+                instruction_set.denoise_wide_cells(share, params, scratch);
+            }),
         };
         Predicted {
             models: row.models.into_inner(),
@@ -146,12 +150,11 @@ struct RowOfCells<'a> {
 }
 
 impl RowOfCells<'_> {
-    /// Denoises its cells, each thread at a bench of its own, and returns how long all of them took together.
+    /// Has its cells denoised, each thread at a bench of its own, and returns how long all of them took together.
     fn share_out<const D: usize>(
         &self,
         benches: &mut [Bench<D>],
-        params: &Params,
-        instruction_set: InstructionSet,
+        denoise: impl Fn(&mut Share<'_, '_, D>, &mut Scratch<D, LANES>) + Sync,
     ) -> Duration {
         let times = benches.par_iter_mut().map(|bench| {
             let mut share = Share {
@@ -159,7 +162,7 @@ impl RowOfCells<'_> {
                 lanes: &mut bench.lanes,
             };
             let started = Instant::now();
-            instruction_set.denoise_cells(&mut share, params, &mut bench.scratch);
+            denoise(&mut share, &mut bench.scratch);
             started.elapsed()
         });
         times.sum()

@@ -1,12 +1,13 @@
 //! Decides which channels play which role, and remembers why.
 
+mod feature_request;
 mod further;
 pub(crate) mod layers;
 mod mapping;
 mod search;
 mod variances;
 
-pub use further::{FeatureRequest, NamedFeature};
+pub use feature_request::{FeatureRequest, NamedFeature};
 pub use mapping::Mapping;
 pub(crate) use search::is_noise;
 
