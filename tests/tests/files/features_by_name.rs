@@ -231,8 +231,8 @@ fn what_the_renderer_is_known_to_write_is_offered_and_taken_if_asked_for() {
     );
 }
 
-/// Writes a grey picture whose light is a pattern, with that in `hint` and noise beside it.
-fn picture(path: &Path) {
+/// Writes a grey picture whose light is a pattern, with that in `hint` and noise beside it; of each `render` its own noise.
+fn picture(path: &Path, render: u32) {
     let pattern = |x: usize, y: usize| {
         if (x * x / 7 + y * y / 5).is_multiple_of(3) {
             0.9
@@ -241,7 +241,7 @@ fn picture(path: &Path) {
         }
     };
     let mut channels = Vec::new();
-    for (seed, name) in (1..).zip(["R", "G", "B"]) {
+    for (seed, name) in (1 + 3 * render..).zip(["R", "G", "B"]) {
         channels.push(plane(name, SIZE, |x, y| {
             pattern(x, y) * (0.5 + noise(seed, y * 99 + x))
         }));
@@ -269,7 +269,7 @@ fn error(path: &Path) -> f32 {
 fn a_named_feature_is_used_in_whole_files_in_bands_and_in_frames_that_help_each_other() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    picture(&folder.join("in.exr"));
+    picture(&folder.join("in.exr"), 0);
     denoise(folder, "without.exr", &[]).succeeds();
     let options = ["--feature", "hint", "--feature", "useless"];
     denoise(folder, "with.exr", &options).succeeds();
@@ -298,7 +298,7 @@ fn a_named_feature_is_used_in_whole_files_in_bands_and_in_frames_that_help_each_
     for name in channel_names(&kept, 0) {
         assert_eq!(bits(&stitched, 0, &name), bits(&kept, 0, &name), "{name}");
     }
-    picture(&folder.join("before.exr"));
+    picture(&folder.join("before.exr"), 1);
     let before = file("before.exr");
     let helped = [&options[..], &["--temporal", "--before", &before]].concat();
     denoise(folder, "helped.exr", &helped).succeeds();
@@ -310,7 +310,7 @@ fn a_named_feature_is_used_in_whole_files_in_bands_and_in_frames_that_help_each_
 fn bands_with_other_features_do_not_make_a_frame() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    picture(&folder.join("in.exr"));
+    picture(&folder.join("in.exr"), 0);
     denoise(folder, "b1.exr", &["--band", "1/2", "--feature", "hint"]).succeeds();
     denoise(folder, "b2.exr", &["--band", "2/2"]).succeeds();
     let file = |name: &str| folder.join(name).to_str().unwrap().to_owned();
@@ -328,7 +328,7 @@ fn bands_with_other_features_do_not_make_a_frame() {
 fn a_plan_counts_what_features_take() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    picture(&folder.join("in.exr"));
+    picture(&folder.join("in.exr"), 0);
     let plan = |options: &[&str]| {
         let options = [options, &["--dry-run"]].concat();
         denoise(folder, "out.exr", &options)
@@ -363,7 +363,7 @@ fn the_command_names_the_option_and_inspect_what_is_there() {
         "feature          P.X P.Y P.Z  [asked for as a feature, its variance from PVariance.X]",
         "feature          rough  [asked for as a feature, its variance from rough_mse]",
     ]);
-    picture(&folder.join("constant.exr"));
+    picture(&folder.join("constant.exr"), 0);
     let file = folder.join("constant.exr");
     linpred([
         "inspect",
