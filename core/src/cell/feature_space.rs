@@ -105,9 +105,12 @@ pub(crate) fn find_basis<const D: usize, const L: usize>(
 /// Makes feature `j` of lane `l` one that does not move.
 #[inline(always)]
 fn leave_out<const D: usize, const L: usize>(gramian: &mut Matrix<D, L>, j: usize, l: usize) {
-    for k in 0..D {
-        let (row, column) = (k.min(j), k.max(j));
-        gramian[row][column][l] = 0.0;
+    // the upper triangle is all that is read
+    for row in gramian.iter_mut().take(j) {
+        row[j][l] = 0.0;
+    }
+    for entry in &mut gramian[j] {
+        entry[l] = 0.0;
     }
 }
 
