@@ -1,10 +1,13 @@
 //! The features: which there are, in which order, and which channels belong together. Said here and nowhere else.
 //!
 //! A feature is what a renderer writes beside the radiance, in one channel or three that are filtered together. A pixel of a tile has its
-//! position first ([`POSITION`]), then the channels of [`Feature::ALL`]. Another feature is another line of [`Feature`] and its functions; whoever reads
-//! files then has to say which of their channels it is.
+//! position first ([`POSITION`]), then the channels of [`Feature::ALL`], and then up to [`FURTHER`] channels of further features, of which nothing is known but that
+//! light may follow them: positions in the world, roughness, what another denoiser made. A feature that is known by its name is another line of [`Feature`] and its
+//! functions; whoever reads files then has to say which of their channels it is.
 
 use core::ops::Range;
+
+use crate::cell::feature_space::MAX_TERMS;
 
 /// Features of a pixel that are its position in the tile: x, y.
 pub const POSITION: usize = 2;
@@ -55,10 +58,16 @@ impl Feature {
     }
 }
 
-/// Channels of all features beside the position.
+/// Channels of all features that are known by their names.
 pub const FEATURES: usize = channels_before(Feature::ALL.len());
 
-/// What the channels are called, in their order.
+/// Channels of further features that a pixel can have beside those, in groups of one to three that belong together.
+pub const FURTHER: usize = MAX_FEATURES - FEATURES;
+
+/// Channels of all features that a pixel can have beside its position, the further ones last: with the position and an intercept they fill the largest model.
+pub const MAX_FEATURES: usize = MAX_TERMS - 1 - POSITION;
+
+/// What the channels of [`Feature::ALL`] are called, in their order.
 pub const FEATURE_NAMES: [&str; FEATURES] = {
     let mut names = [""; FEATURES];
     let mut feature = 0;
@@ -75,8 +84,11 @@ pub const FEATURE_NAMES: [&str; FEATURES] = {
     names
 };
 
-/// Features of a pixel of a tile: its position and those channels.
+/// Features of a pixel of a tile: its position and the channels that are known by their names.
 pub const TILE_FEATURES: usize = POSITION + FEATURES;
+
+/// Features of a pixel of a tile that has further ones.
+pub const WIDE_TILE_FEATURES: usize = POSITION + MAX_FEATURES;
 
 /// Channels of the first `count` features.
 const fn channels_before(count: usize) -> usize {

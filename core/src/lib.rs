@@ -1,4 +1,4 @@
-//! The arithmetic of linpred, a denoiser of Monte Carlo renders: linear models of radiance over features (surface normal, albedo, depth), each
+//! The arithmetic of linpred, a denoiser of Monte Carlo renders: linear models of radiance over features (surface normal, albedo, depth, and others), each
 //! as wide as it stays right (Moon et al. 2015, *Adaptive Rendering with Linear Predictions*, LPR).
 //!
 //! `no_std`, without allocation, unsafe code or a reachable panic; the same bits on every machine. What it works on, the caller lends. For
@@ -11,7 +11,7 @@
 //! | | unit | function |
 //! |---|---|---|
 //! | pixels that one sample made far too bright, to be left out like those that are not finite | row | [`find_fireflies`] |
-//! | variances, where the renderer gave none | block | [`estimate_colour_noise`], [`estimate_feature_noise`] |
+//! | variances, where the renderer gave none | block | [`estimate_colour_noise`], [`estimate_feature_noise`], [`estimate_further_noise`] |
 //! | a weight for each sample, its variance, and how far a prediction may be from it | block | [`weigh_samples`] |
 //! | features without their noise | block | [`prefilter`] |
 //! | predictions by models, each fitted to the window around its centre | tile | [`denoise_cells`], or [`denoise_cell`] for one alone |
@@ -84,6 +84,7 @@ mod tile;
 pub use blend::{Denoised, LayerTile, Predictions, Sum, resolve, resolve_layer, resolve_scalar};
 pub use block::estimate_noise::{
     NOISE_HALO, NoiseBlock, NoisePlane, NoisyBlock, estimate_colour_noise, estimate_feature_noise,
+    estimate_further_noise,
 };
 pub use block::fireflies::{FIREFLY_HALO, FIREFLY_ROWS, find_fireflies};
 pub use block::plane::{BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane};
@@ -96,7 +97,10 @@ pub use cell::feature_space::MAX_TERMS;
 pub use cell::lent::{Cells, OtherFrame, Scratch};
 pub use cell::one_cell::denoise_cell;
 pub use eigen::SymmetricEigen;
-pub use features::{FEATURE_NAMES, FEATURES, Feature, POSITION, TILE_FEATURES};
+pub use features::{
+    FEATURE_NAMES, FEATURES, FURTHER, Feature, MAX_FEATURES, POSITION, TILE_FEATURES,
+    WIDE_TILE_FEATURES,
+};
 pub use finish::despeckle::{DESPECKLE_RADIUS, DESPECKLE_SPAN, SpeckRow, despeckle};
 pub use finish::restore::{
     LIGHT_PLANES, LitRow, RESTORE_RADIUS, RESTORE_SPAN, compare_light, find_factors,

@@ -21,8 +21,8 @@ fuzz_target!(|data: &[u8]| {
     let size = ImageSize::new(1 + usize::from(width) % 64, 1 + usize::from(height) % 128);
     let Some(size) = size else { return };
     let mut layout = RowLayout::new(size, VarianceKind::OfMean);
-    layout.features = [rest & 4 != 0; FEATURES];
-    layout.feature_variances = [rest & 8 != 0; FEATURES];
+    layout.features[..FEATURES].fill(rest & 4 != 0);
+    layout.feature_variances[..FEATURES].fill(rest & 8 != 0);
     layout.layers = usize::from(rest & 16 != 0);
     let frame = Frame {
         layout,

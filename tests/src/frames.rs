@@ -118,8 +118,8 @@ impl Scene {
             false => VarianceKind::Estimated,
         };
         let mut layout = RowLayout::new(size, variance).with_layers(self.layers);
-        layout.features = [self.features; FEATURES];
-        layout.feature_variances = [self.features && self.variances; FEATURES];
+        layout.features[..FEATURES].fill(self.features);
+        layout.feature_variances[..FEATURES].fill(self.features && self.variances);
         let mut frame = Frame {
             layout,
             rows: (0..height).map(|_| InputRow::new(&layout)).collect(),

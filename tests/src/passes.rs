@@ -7,7 +7,7 @@ use exr::prelude::FlatSamples;
 use crate::images::{NamedSamples, TestPart, exponential, noise, part, write};
 
 /// What a pass is called, and the layer of its noise.
-const LAYERS: [(&str, &str); 10] = [
+const LAYERS: [(&str, &str); 13] = [
     ("R", "variance.R"),
     ("G", "variance.G"),
     ("B", "variance.B"),
@@ -18,6 +18,9 @@ const LAYERS: [(&str, &str); 10] = [
     ("N.Y", "NVariance.Y"),
     ("N.Z", "NVariance.Z"),
     ("Z", "ZVariance.Z"),
+    ("P.X", "PVariance.X"),
+    ("P.Y", "PVariance.Y"),
+    ("P.Z", "PVariance.Z"),
 ];
 
 /// The means that have noise, and its channels.

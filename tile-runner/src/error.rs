@@ -96,6 +96,8 @@ impl Error {
 pub enum Setting {
     /// An entry of [`RoleRequest::map`](crate::channels::RoleRequest).
     Map,
+    /// An entry of [`RoleRequest::features`](crate::channels::RoleRequest).
+    Feature,
     /// A pattern of [`InputRequest::layers`](crate::job::InputRequest).
     Layers,
     /// [`InputRequest::other_half`](crate::job::InputRequest).
@@ -108,6 +110,7 @@ impl fmt::Display for Setting {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Map => "map",
+            Self::Feature => "feature",
             Self::Layers => "layers",
             Self::OtherHalf => "other-half",
             Self::Band => "band",

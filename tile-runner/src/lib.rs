@@ -48,6 +48,7 @@ pub mod channels;
 pub mod cli;
 mod error;
 pub mod exr_file;
+mod further;
 mod geometry;
 pub mod image;
 pub mod job;
@@ -58,8 +59,11 @@ mod stream;
 pub mod temporal;
 
 pub use error::{Error, Remedy, Setting};
+pub use further::FurtherFeatures;
 pub use geometry::ImageSize;
-pub use linpred_core::{FEATURE_NAMES, FEATURES, Feature, Formulas, Params, Quality, Sampler};
+pub use linpred_core::{
+    FEATURE_NAMES, FEATURES, FURTHER, Feature, Formulas, MAX_FEATURES, Params, Quality, Sampler,
+};
 pub use row::{InputRow, Motion, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
 pub use stream::pipeline::{Options, denoise};
 pub use stream::report::{Counts, Report};

@@ -4,8 +4,12 @@
 //! pipeline turns them into [`OutputRow`]s, from top to bottom, for a [`RowSink`]. Neither end knows the
 //! other, and the pipeline knows neither files nor channel names.
 
-use linpred_core::{FEATURES, Feature};
+use std::ops::Range;
 
+use linpred_core::{Feature, MAX_FEATURES};
+
+use crate::error::Error;
+use crate::further::FurtherFeatures;
 use crate::geometry::{ImageSize, plane_bytes};
 
 /// Where the variance of the colour comes from once a source has turned it into rows.
@@ -39,10 +43,12 @@ pub struct RowLayout {
     pub size: ImageSize,
     /// What [`InputRow::variance`] means.
     pub variance: VarianceKind,
-    /// Which features the image has, all of a normal and of an albedo or none; the others have no planes.
-    pub features: [bool; FEATURES],
-    /// Which features have variances of their own; planes of the others hold 0, and the pipeline estimates them.
-    pub feature_variances: [bool; FEATURES],
+    /// Which channels of features the image has, all of a normal and of an albedo or none; the others have no planes. Those of [`Feature::ALL`] come first.
+    pub features: [bool; MAX_FEATURES],
+    /// Which of them have variances of their own; planes of the others hold 0, and the pipeline estimates them.
+    pub feature_variances: [bool; MAX_FEATURES],
+    /// How the channels of further features belong together (see [`with_further_feature`](Self::with_further_feature)).
+    pub further: FurtherFeatures,
     /// Extra colour layers to denoise with the models of the colour.
     pub layers: usize,
     /// Whether the image has an alpha, denoised likewise, by which the colour is premultiplied.
@@ -65,8 +71,9 @@ impl RowLayout {
         Self {
             size,
             variance,
-            features: [false; FEATURES],
-            feature_variances: [false; FEATURES],
+            features: [false; MAX_FEATURES],
+            feature_variances: [false; MAX_FEATURES],
+            further: FurtherFeatures::default(),
             layers: 0,
             alpha: false,
             scalars: 0,
@@ -92,6 +99,33 @@ impl RowLayout {
     pub fn with_feature_and_variance(mut self, feature: Feature) -> Self {
         self.feature_variances[feature.range()].fill(true);
         self.with_feature(feature)
+    }
+
+    /// Adds a feature that has no name here: whatever light may follow, of one to three channels that belong together; the pipeline estimates its variances. Its
+    /// channels are those after the last of the features before it (see [`further_features`](Self::further_features)). A channel that is not finite counts as missing, and one of
+    /// a magnitude of 1e9 or more as 0: a ray has left the scene.
+    ///
+    /// [`Error::Usage`] if it has none or more channels, or the further features of the image more than [`FURTHER`](crate::FURTHER).
+    pub fn with_further_feature(mut self, channels: usize) -> Result<Self, Error> {
+        self.further = self.further.with(channels)?;
+        for range in self.further.ranges() {
+            self.features[range].fill(true);
+        }
+        Ok(self)
+    }
+
+    /// The same of one that comes with its variances.
+    pub fn with_further_feature_and_variance(self, channels: usize) -> Result<Self, Error> {
+        let mut all = self.with_further_feature(channels)?;
+        if let Some(last) = all.further.ranges().last() {
+            all.feature_variances[last].fill(true);
+        }
+        Ok(all)
+    }
+
+    /// Where the channels of each further feature are in [`InputRow::features`] and [`InputRow::feature_variances`].
+    pub fn further_features(&self) -> impl Iterator<Item = Range<usize>> {
+        self.further.ranges()
     }
 
     /// With this many layers beside the colour.
@@ -158,6 +192,22 @@ impl RowLayout {
     pub(crate) fn has(&self, feature: Feature) -> bool {
         self.features[feature.range().start]
     }
+
+    /// Channels of all its features.
+    pub(crate) fn feature_channels(&self) -> usize {
+        self.features.iter().filter(|present| **present).count()
+    }
+
+    /// Whether it has more features than those that are known by their names.
+    pub(crate) fn is_wide(&self) -> bool {
+        self.further.channels() > 0
+    }
+
+    /// Where the channels are that belong together: of each feature that is known by its name, whether the image has it or not, and of each further one.
+    pub(crate) fn groups(&self) -> impl Iterator<Item = Range<usize>> + use<> {
+        let known = Feature::ALL.into_iter().map(Feature::range);
+        known.chain(self.further.ranges())
+    }
 }
 
 /// One row of input. Every plane has the image's width, but those of features that the image lacks are empty.
@@ -169,10 +219,10 @@ pub struct InputRow {
     /// Variance of the mean radiance (see [`VarianceKind`]). 0 says that the pixel is exact; a pixel with a NaN or an infinity in one of the channels has none that is
     /// known, and the pipeline estimates it from the picture (see [`Counts::estimated`](crate::Counts)).
     pub variance: [Vec<f32>; 3],
-    /// Features (see [`FEATURES`] for the order).
-    pub features: [Vec<f32>; FEATURES],
+    /// Features, those of [`Feature::ALL`] first (see [`Feature::range`]) and then the further ones (see [`RowLayout::further_features`]).
+    pub features: [Vec<f32>; MAX_FEATURES],
     /// Variances of the features' means.
-    pub feature_variances: [Vec<f32>; FEATURES],
+    pub feature_variances: [Vec<f32>; MAX_FEATURES],
     /// Extra layers, each red green blue.
     pub layers: Vec<[Vec<f32>; 3]>,
     /// Alpha, 0 to 1; empty if the image has none.
@@ -278,7 +328,7 @@ impl InputRow {
     pub fn fits(&self, layout: &RowLayout) -> bool {
         let width = layout.size.width();
         let whole = |planes: &[Vec<f32>]| planes.iter().all(|plane| plane.len() == width);
-        let features = |planes: &[Vec<f32>; FEATURES]| {
+        let features = |planes: &[Vec<f32>; MAX_FEATURES]| {
             let present = planes.iter().zip(layout.features);
             present
                 .map(|(plane, present)| (plane.len(), if present { width } else { 0 }))
@@ -310,7 +360,7 @@ impl InputRow {
 
     /// Bytes of a row.
     pub fn bytes(layout: &RowLayout) -> u64 {
-        let features = layout.features.iter().filter(|present| **present).count();
+        let features = layout.feature_channels();
         let Motion {
             backward,
             forward,
@@ -334,7 +384,7 @@ pub struct OutputRow {
     pub error: Vec<f32>,
     /// Half-width of the prediction windows that predicted the pixel, weighted mean, 0 to 9 pixels.
     pub radius: Vec<f32>,
-    /// Local rank of those models, weighted mean, 0 to 9.
+    /// Local rank of those models, weighted mean, 0 to 9, or to 15 with further features.
     pub rank: Vec<f32>,
     /// Denoised extra layers, each red green blue.
     pub layers: Vec<[Vec<f32>; 3]>,
@@ -430,7 +480,7 @@ pub trait RowSource: Send {
 
     /// Fills `row` (made by [`InputRow::new`] for this layout) with row `y`. The pipeline asks for every row once,
     /// from 0 to `height - 1`; what takes several runs says so.
-    fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), crate::error::Error>;
+    fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), Error>;
 }
 
 impl<S: RowSource + ?Sized> RowSource for &mut S {
@@ -438,7 +488,7 @@ impl<S: RowSource + ?Sized> RowSource for &mut S {
         (**self).layout()
     }
 
-    fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), crate::error::Error> {
+    fn read_row(&mut self, y: usize, row: &mut InputRow) -> Result<(), Error> {
         (**self).read_row(y, row)
     }
 }
@@ -446,11 +496,11 @@ impl<S: RowSource + ?Sized> RowSource for &mut S {
 /// Takes the rows of a denoised image; a function of a row's number and the row does. An error of its own is an [`Error::renderer`](crate::Error::renderer).
 pub trait RowSink: Send {
     /// Takes row `y`; called once for every row, from 0 to `height - 1`.
-    fn write_row(&mut self, y: usize, row: &OutputRow) -> Result<(), crate::error::Error>;
+    fn write_row(&mut self, y: usize, row: &OutputRow) -> Result<(), Error>;
 }
 
-impl<F: FnMut(usize, &OutputRow) -> Result<(), crate::error::Error> + Send> RowSink for F {
-    fn write_row(&mut self, y: usize, row: &OutputRow) -> Result<(), crate::error::Error> {
+impl<F: FnMut(usize, &OutputRow) -> Result<(), Error> + Send> RowSink for F {
+    fn write_row(&mut self, y: usize, row: &OutputRow) -> Result<(), Error> {
         self(y, row)
     }
 }

@@ -98,11 +98,17 @@ impl NoiseBlock {
 const ALBEDO: usize = Feature::Albedo.range().start;
 const DEPTH: usize = Feature::Depth.range().start;
 
+/// Estimates the variances of a block of the means of a further feature's channel, of which nothing is known but its values; they are finite.
+#[inline(always)]
+pub fn estimate_further_noise(input: &NoisePlane, output: &mut BlockPlane) {
+    *output = least_direction::<FEATURE_RADIUS, false>(input, &UNIT);
+}
+
 /// Estimates the variances of a block of the features' means.
 #[inline(always)]
 pub fn estimate_feature_noise(input: &NoisyBlock, output: &mut NoiseBlock) {
     for (plane, variance) in input.features.iter().zip(&mut output.features) {
-        *variance = least_direction::<FEATURE_RADIUS, false>(plane, &UNIT);
+        estimate_further_noise(plane, variance);
     }
     let depth = &input.features[DEPTH];
     let slope = gradient(depth);

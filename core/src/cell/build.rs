@@ -9,6 +9,7 @@ use crate::cell::lent::{Cells, Scratch};
 use crate::cell::model::Coefficients;
 use crate::cell::rings::{Centre, Centres, RING_STEPS};
 use crate::cell::window::{Colours, Sample, in_frame};
+use crate::features::TILE_FEATURES;
 use crate::lanes::{Rgb, lanes_stay_innermost};
 use crate::params::{Formulas, Params};
 use crate::tile::{CHANNELS, WINDOW_AREA};
@@ -25,20 +26,49 @@ pub(crate) fn build_models<const D: usize, const L: usize>(
     scratch: &mut Scratch<D, L>,
 ) {
     let largest = scratch.basis.rank.iter().fold(0, |a, b| a.max(*b));
-    let largest = if L == 1 { D } else { largest };
     if params.formulas == Formulas::Wlr {
-        return build_by_wlr(cells, centres, params, scratch);
+        build_by_wlr(cells, centres, params, scratch);
+        return;
     }
-    match largest {
+    if const { D > TILE_FEATURES } {
+        build_wide_models(largest, cells, centres, params, scratch);
+        return;
+    }
+    match if L == 1 { D } else { largest } {
         0..=2 => build_with_terms::<3, D, L>(cells, centres, params, scratch),
         3 | 4 => build_with_terms::<5, D, L>(cells, centres, params, scratch),
         5 | 6 => build_with_terms::<7, D, L>(cells, centres, params, scratch),
         7 => build_with_terms::<8, D, L>(cells, centres, params, scratch),
         8 => build_with_terms::<9, D, L>(cells, centres, params, scratch),
-        9 => build_with_terms::<10, D, L>(cells, centres, params, scratch),
-        10 | 11 => build_with_terms::<12, D, L>(cells, centres, params, scratch),
-        12 | 13 => build_with_terms::<14, D, L>(cells, centres, params, scratch),
-        _ => build_with_terms::<MAX_TERMS, D, L>(cells, centres, params, scratch),
+        _ => build_with_terms::<10, D, L>(cells, centres, params, scratch),
+    }
+}
+
+/// The same for more features than those that are known by their names: of fewer sizes, as such tiles are the rarer ones and each size takes the compiler as long as one of
+/// theirs.
+#[inline(always)]
+fn build_wide_models<const D: usize, const L: usize>(
+    largest: usize,
+    cells: &mut impl Cells<D>,
+    centres: &Centres<L>,
+    params: &Params,
+    scratch: &mut Scratch<D, L>,
+) {
+    match (params.formulas, largest) {
+        (Formulas::Robust, 0..=7) => {
+            build::<Systems<8, L>, 8, D, L>(cells, centres, params, scratch);
+        }
+        (Formulas::Robust, 8..=11) => {
+            build::<Systems<12, L>, 12, D, L>(cells, centres, params, scratch);
+        }
+        (Formulas::Robust, _) => {
+            build::<Systems<MAX_TERMS, L>, MAX_TERMS, D, L>(cells, centres, params, scratch);
+        }
+        (Formulas::Literal, _) => {
+            build::<Lpr, MAX_TERMS, D, L>(cells, centres, params, scratch);
+        }
+        // In one size for all, above.
+        (Formulas::Wlr, _) => {}
     }
 }
 
@@ -54,7 +84,7 @@ fn build_with_terms<const T: usize, const D: usize, const L: usize>(
         match params.formulas {
             Formulas::Robust => build::<Systems<T, L>, T, D, L>(cells, centres, params, scratch),
             Formulas::Literal => build::<Lpr, T, D, L>(cells, centres, params, scratch),
-            // In one size, above.
+            // As above.
             Formulas::Wlr => {}
         }
     }
@@ -68,7 +98,7 @@ fn build_by_wlr<const D: usize, const L: usize>(
     params: &Params,
     scratch: &mut Scratch<D, L>,
 ) {
-    if const { D <= 9 } {
+    if const { D <= TILE_FEATURES } {
         build::<Wlr<19, L>, 10, D, L>(cells, centres, params, scratch);
     } else {
         build::<Wlr<{ 2 * MAX_TERMS - 1 }, L>, MAX_TERMS, D, L>(cells, centres, params, scratch);

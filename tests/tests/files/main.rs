@@ -6,6 +6,7 @@ mod borders_of_pictures;
 mod compressions_of_later_versions;
 mod damaged_files;
 mod deep_parts_are_copied;
+mod features_by_name;
 mod file_layout_changes_no_bit;
 mod frames_help_whatever_their_files;
 mod identifiers_are_kept;

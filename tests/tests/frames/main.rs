@@ -8,6 +8,7 @@ mod fireflies_go_and_lamps_stay;
 mod frames_help_each_other;
 mod frames_in_memory_are_read_as_they_lie;
 mod layers_add_up_to_the_colour;
+mod light_follows_any_feature;
 mod light_stays;
 mod maps_go_where_errors_are;
 mod overlap_changes_nothing;

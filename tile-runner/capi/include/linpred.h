@@ -13,10 +13,10 @@
 /* Each sets the size of a struct, and the default of every member: linpred_options options = LINPRED_OPTIONS_INIT; */
 #define LINPRED_OPTIONS_INIT { sizeof(linpred_options), 0, 0, 0, 0, 0 }
 #define LINPRED_REPORT_INIT { sizeof(linpred_report), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
-#define LINPRED_LAYOUT_INIT { sizeof(linpred_layout), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
+#define LINPRED_LAYOUT_INIT { sizeof(linpred_layout), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, { 0, 0, 0, 0, 0, 0 } }
 #define LINPRED_STEP_INIT { sizeof(linpred_step), 0, 0, NULL, NULL }
 #define LINPRED_ROW_FUNCTIONS_INIT { sizeof(linpred_row_functions), NULL, NULL, NULL }
-#define LINPRED_FILE_OPTIONS_INIT { sizeof(linpred_file_options), NULL, 0, 0, 0, 0, NULL, NULL, 0, 0 }
+#define LINPRED_FILE_OPTIONS_INIT { sizeof(linpred_file_options), NULL, 0, 0, 0, 0, NULL, NULL, 0, 0, NULL }
 #define LINPRED_SAMPLE_GOAL_INIT { sizeof(linpred_sample_goal), 0, 0 }
 #define LINPRED_SAMPLE_SUMMARY_INIT { sizeof(linpred_sample_summary), 0, 0, 0, 0, 0, 0, 0 }
 
@@ -441,9 +441,14 @@ typedef struct linpred_layout {
      */
     uint32_t scalars;
     /**
-     * 0.
+     * Which of `further` have the variance of their mean, feature i by the bit 1 << i.
      */
-    uint32_t reserved;
+    uint32_t further_with_variance;
+    /**
+     * Features beside those that light may follow (positions in the world, roughness, what another denoiser made): of
+     * each its channels, 1 to 3 and 6 in all; 0 behind the last.
+     */
+    uint32_t further[6];
 } linpred_layout;
 
 /**
@@ -508,6 +513,14 @@ typedef struct linpred_input_row {
      * Channels that are no light.
      */
     float *const *scalars;
+    /**
+     * The channels of the layout's `further` features, one after the other.
+     */
+    float *const *further;
+    /**
+     * The variances of their means; NULL for a channel whose variance is estimated.
+     */
+    float *const *further_variance;
 } linpred_input_row;
 
 /**
@@ -546,7 +559,7 @@ typedef struct linpred_output_row {
      */
     const float *radius;
     /**
-     * Local rank of those models, weighted mean, 0 to 9.
+     * Local rank of those models, weighted mean, 0 to 9, or to 15 with further features.
      */
     const float *rank;
     /**
@@ -643,9 +656,9 @@ typedef struct linpred_file_options {
      */
     uint32_t samples_per_pixel;
     /**
-     * 0.
+     * How many strings `features` has.
      */
-    uint32_t reserved;
+    uint32_t feature_count;
     /**
      * If the image is a frame of a sequence, paths of `before_count` frames before it that help, so that it does not
      * flicker: the nearest first, at most 8. One that does not exist or cannot help is warned of and left out, with
@@ -664,6 +677,13 @@ typedef struct linpred_file_options {
      * How many paths `after` has.
      */
     uint32_t after_count;
+    /**
+     * Features beside normal, albedo and depth that light may follow, `feature_count` strings as the command's
+     * --feature has them: a layer or channel, "P", "P:X,Z" for some of its channels, "P=PVariance" where its variance
+     * has a name of its own; or "auto" for those that the renderer is known to write. 1 to 3 channels each, 6 in all.
+     * May be NULL if the count is 0.
+     */
+    const char *const *features;
 } linpred_file_options;
 
 /**
@@ -801,7 +821,10 @@ linpred_status linpred_get_report(struct linpred_denoiser *denoiser, struct linp
  * of a pixel's samples), "normal", "albedo", "layer.NAME" (more radiance, denoised with the models of the colour),
  * "normal_variance", "albedo_variance". Of one channel: "depth", "depth_variance", "alpha" (0 to 1, the colour is
  * premultiplied), "samples" (how many a pixel has, for linpred_sample_map()), "scalar.NAME" (what is no light: masks,
- * motion). Pixels of the colour that are not finite are predicted from their neighbours, and counted in the report.
+ * motion). Of one channel or three, as the format says: "feature.NAME" (what else light may follow: positions in the
+ * world, roughness, what another denoiser made; all have 6 channels at most), "feature_variance.NAME" (of its mean;
+ * estimated if it is not set). Pixels of the colour that are not finite are predicted from their neighbours, and
+ * counted in the report.
  *
  * # Safety
  * `denoiser` is NULL, or of linpred_new() and not freed; `name` is NULL or ends with a zero. The pixels can be read,
@@ -914,7 +937,7 @@ linpred_status linpred_stop_rows(struct linpred_denoiser *denoiser);
  *
  * # Safety
  * `denoiser` is NULL, or of linpred_new() and not freed; paths are NULL or end with a zero; `options` is NULL or can
- * be read over its size, and its lists of paths over their counts.
+ * be read over its size, and its lists over their counts.
  */
 linpred_status linpred_denoise_file(struct linpred_denoiser *denoiser,
                                     const char *input,

@@ -7,17 +7,17 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::channel;
 
-use linpred::channels::RoleRequest;
+use linpred::channels::{FeatureRequest, RoleRequest};
 use linpred::image::ExtraLayers;
 use linpred::job::{self, FrameFiles, Input, InputRequest, JobOptions, NeighbourFiles, Remark};
 use linpred::sampling::{Goal, Summary};
-use linpred::{Error, Options, Report};
+use linpred::{Error, FURTHER, Options, Report};
 
 use crate::handle::{Denoiser, call, linpred_denoiser};
 use crate::report::Done;
 use crate::sample_map::{Told, linpred_sample_goal, linpred_sample_summary};
 use crate::status::{Failure, linpred_status};
-use crate::text::path;
+use crate::text::{path, utf8};
 use crate::versioned::{self, Versioned};
 
 /// What else there is to say of a file. LINPRED_FILE_OPTIONS_INIT sets the size and every default; 0 is the default
@@ -35,8 +35,8 @@ pub struct linpred_file_options {
     pub models_layer: i32,
     /// How many samples each pixel has, whatever the file says; 0 leaves it to the file.
     pub samples_per_pixel: u32,
-    /// 0.
-    pub reserved: u32,
+    /// How many strings `features` has.
+    pub feature_count: u32,
     /// If the image is a frame of a sequence, paths of `before_count` frames before it that help, so that it does not
     /// flicker: the nearest first, at most 8. One that does not exist or cannot help is warned of and left out, with
     /// those beyond it. May be NULL if the count is 0; without a frame on either side the image is denoised alone.
@@ -47,6 +47,11 @@ pub struct linpred_file_options {
     pub before_count: u32,
     /// How many paths `after` has.
     pub after_count: u32,
+    /// Features beside normal, albedo and depth that light may follow, `feature_count` strings as the command's
+    /// --feature has them: a layer or channel, "P", "P:X,Z" for some of its channels, "P=PVariance" where its variance
+    /// has a name of its own; or "auto" for those that the renderer is known to write. 1 to 3 channels each, 6 in all.
+    /// May be NULL if the count is 0.
+    pub features: *const *const c_char,
 }
 
 // SAFETY: the size first, then pointers and numbers
@@ -64,8 +69,7 @@ struct Request {
 }
 
 /// # Safety
-/// The paths and those of the options are NULL or end with a zero; `options` is NULL or can be read over its size, and so can what it says of other frames over
-/// their counts.
+/// The paths and those of the options are NULL or end with a zero; `options` is NULL or can be read over its size, and so can its lists over their counts.
 unsafe fn request(
     limit: u64,
     compute: Options,
@@ -82,11 +86,12 @@ unsafe fn request(
             error_layer: 0,
             models_layer: 0,
             samples_per_pixel: 0,
-            reserved: 0,
+            feature_count: 0,
             before: null(),
             after: null(),
             before_count: 0,
             after_count: 0,
+            features: null(),
         },
         // SAFETY: the caller's promise
         false => unsafe { versioned::read(options) }?,
@@ -111,6 +116,8 @@ unsafe fn request(
     }
     let roles = RoleRequest {
         spp: (given.samples_per_pixel > 0).then_some(given.samples_per_pixel),
+        // SAFETY: the caller's promise
+        features: unsafe { features(given.features, given.feature_count) }?,
         ..RoleRequest::default()
     };
     Ok(Request {
@@ -158,6 +165,32 @@ unsafe fn frames(
         })
     });
     files.collect()
+}
+
+/// The features beside those that are known by their names.
+///
+/// # Safety
+/// `features` is NULL or can be read over its count; each string is NULL or ends with a zero.
+unsafe fn features(
+    features: *const *const c_char,
+    count: u32,
+) -> Result<Vec<FeatureRequest>, Failure> {
+    if features.is_null() && count > 0 {
+        return Err(Failure::argument(format!(
+            "features is NULL, and feature_count is {count}"
+        )));
+    }
+    if count as usize > FURTHER {
+        return Err(Failure::argument(format!(
+            "feature_count is {count}; there is room for {FURTHER} channels"
+        )));
+    }
+    let requests = (0..count as usize).map(|n| {
+        // SAFETY: the caller's promise, within the count
+        let text = unsafe { utf8("features", features.add(n).read_unaligned()) }?;
+        Ok(FeatureRequest::parse(text)?)
+    });
+    requests.collect()
 }
 
 fn flag(name: &str, value: i32) -> Result<bool, Failure> {
@@ -270,7 +303,7 @@ fn run<T: Send>(
 ///
 /// # Safety
 /// `denoiser` is NULL, or of linpred_new() and not freed; paths are NULL or end with a zero; `options` is NULL or can
-/// be read over its size, and its lists of paths over their counts.
+/// be read over its size, and its lists over their counts.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn linpred_denoise_file(
     denoiser: *mut linpred_denoiser,

@@ -32,12 +32,16 @@ fn set<N: PartialEq>(all: &mut Vec<(N, RawImage)>, name: N, image: RawImage) {
 }
 
 /// Pixels of as many channels as what they are called has.
-pub(crate) fn image(name: &str, channels: usize, place: &Place) -> Result<RawImage, Failure> {
+pub(crate) fn image(
+    name: &str,
+    channels: Option<usize>,
+    place: &Place,
+) -> Result<RawImage, Failure> {
     let told = |failure: Failure| Failure::argument(format!("{name}: {}", failure.message));
     let image = RawImage::new(place).map_err(told)?;
-    match image.channels() == channels {
-        true => Ok(image),
-        false => Err(Failure::argument(format!(
+    match channels.filter(|channels| *channels != image.channels()) {
+        None => Ok(image),
+        Some(channels) => Err(Failure::argument(format!(
             "{name}: a format of {} channels, not {channels}",
             image.channels()
         ))),
@@ -87,10 +91,37 @@ impl Images {
                 }
             };
         }
+        frame = self.with_further(frame)?;
         Ok(match self.input(&Input::Alpha) {
             Some(alpha) => frame.with_alpha(alpha)?,
             None => frame,
         })
+    }
+
+    /// With the features beside those that are known by their names.
+    fn with_further(&self, mut frame: Frame<'static>) -> Result<Frame<'static>, Failure> {
+        for (input, image) in &self.inputs {
+            frame = match input {
+                Input::Further(name) => {
+                    let variance = self.input(&Input::FurtherVariance(name.clone()));
+                    match variance {
+                        None => frame.with_further_feature(name, *image)?,
+                        Some(variance) => {
+                            frame.with_further_feature_and_variance(name, *image, variance)?
+                        }
+                    }
+                }
+                Input::FurtherVariance(name)
+                    if self.input(&Input::Further(name.clone())).is_none() =>
+                {
+                    return Err(Failure::argument(format!(
+                        "\"{input}\" is set, but no \"feature.{name}\""
+                    )));
+                }
+                _ => frame,
+            };
+        }
+        Ok(frame)
     }
 
     /// The same with what is denoised beside the colour.
@@ -248,7 +279,10 @@ unsafe fn execute(denoiser: &mut Denoiser) -> Result<(), Failure> {
 /// of a pixel's samples), "normal", "albedo", "layer.NAME" (more radiance, denoised with the models of the colour),
 /// "normal_variance", "albedo_variance". Of one channel: "depth", "depth_variance", "alpha" (0 to 1, the colour is
 /// premultiplied), "samples" (how many a pixel has, for linpred_sample_map()), "scalar.NAME" (what is no light: masks,
-/// motion). Pixels of the colour that are not finite are predicted from their neighbours, and counted in the report.
+/// motion). Of one channel or three, as the format says: "feature.NAME" (what else light may follow: positions in the
+/// world, roughness, what another denoiser made; all have 6 channels at most), "feature_variance.NAME" (of its mean;
+/// estimated if it is not set). Pixels of the colour that are not finite are predicted from their neighbours, and
+/// counted in the report.
 ///
 /// # Safety
 /// `denoiser` is NULL, or of linpred_new() and not freed; `name` is NULL or ends with a zero. The pixels can be read,
@@ -330,7 +364,7 @@ pub unsafe extern "C" fn linpred_set_output(
         call(denoiser, |denoiser| {
             let name = utf8("the name of an output", name)?;
             let output = Output::parse(name).ok_or_else(|| unknown("output", name))?;
-            let image = image(name, output.channels(), &place)?;
+            let image = image(name, Some(output.channels()), &place)?;
             set(&mut denoiser.images.outputs, output, image);
             Ok(())
         })

@@ -13,6 +13,9 @@ pub(crate) enum Input {
     HalfB,
     Feature(Feature),
     FeatureVariance(Feature),
+    /// A feature beside those.
+    Further(String),
+    FurtherVariance(String),
     Alpha,
     Samples,
     Layer(String),
@@ -52,17 +55,21 @@ impl Input {
                 return feature(name)
                     .map(Self::Feature)
                     .or_else(|| of_feature.map(Self::FeatureVariance))
+                    .or_else(|| behind("feature.", name).map(Self::Further))
+                    .or_else(|| behind("feature_variance.", name).map(Self::FurtherVariance))
                     .or_else(|| behind("layer.", name).map(Self::Layer))
                     .or_else(|| behind("scalar.", name).map(Self::Scalar));
             }
         })
     }
 
-    pub(crate) fn channels(&self) -> usize {
+    /// Channels of its pixels; `None` where the caller says.
+    pub(crate) fn channels(&self) -> Option<usize> {
         match self {
-            Self::Feature(feature) | Self::FeatureVariance(feature) => feature.range().len(),
-            Self::Alpha | Self::Samples | Self::Scalar(_) => 1,
-            _ => 3,
+            Self::Feature(feature) | Self::FeatureVariance(feature) => Some(feature.range().len()),
+            Self::Further(_) | Self::FurtherVariance(_) => None,
+            Self::Alpha | Self::Samples | Self::Scalar(_) => Some(1),
+            _ => Some(3),
         }
     }
 }
@@ -109,6 +116,8 @@ impl fmt::Display for Input {
             Self::HalfB => write!(f, "half_b"),
             Self::Feature(feature) => write!(f, "{}", feature.name()),
             Self::FeatureVariance(feature) => write!(f, "{}_variance", feature.name()),
+            Self::Further(name) => write!(f, "feature.{name}"),
+            Self::FurtherVariance(name) => write!(f, "feature_variance.{name}"),
             Self::Alpha => write!(f, "alpha"),
             Self::Samples => write!(f, "samples"),
             Self::Layer(name) => write!(f, "layer.{name}"),
@@ -136,7 +145,12 @@ mod tests {
     fn a_name_that_is_written_is_read() {
         let features = Feature::ALL.into_iter();
         let features = features.flat_map(|f| [Input::Feature(f), Input::FeatureVariance(f)]);
-        let layers = [Input::Layer("a b".into()), Input::Scalar("variance".into())];
+        let layers = [
+            Input::Layer("a b".into()),
+            Input::Scalar("variance".into()),
+            Input::Further("a_variance".into()),
+            Input::FurtherVariance("b".into()),
+        ];
         let own = [
             Input::Colour,
             Input::Variance,
@@ -152,6 +166,7 @@ mod tests {
             "",
             "layer.",
             "scalar.",
+            "feature.",
             "beauty",
             "alpha_variance",
             "Colour",

@@ -57,8 +57,11 @@ pub struct linpred_layout {
     pub layers: u32,
     /// Other channels that are no light, denoised likewise: up to 1024.
     pub scalars: u32,
-    /// 0.
-    pub reserved: u32,
+    /// Which of `further` have the variance of their mean, feature i by the bit 1 << i.
+    pub further_with_variance: u32,
+    /// Features beside those that light may follow (positions in the world, roughness, what another denoiser made): of
+    /// each its channels, 1 to 3 and 6 in all; 0 behind the last.
+    pub further: [u32; 6],
 }
 
 // SAFETY: numbers alone, the size first
@@ -94,6 +97,7 @@ impl linpred_layout {
                 }
             };
         }
+        let layout = self.with_further(layout)?;
         match self.alpha {
             0 => Ok(layout),
             1 => Ok(layout.with_alpha()),
@@ -101,6 +105,30 @@ impl linpred_layout {
                 "alpha is {other}, neither 0 nor 1"
             ))),
         }
+    }
+
+    fn with_further(&self, mut layout: RowLayout) -> Result<RowLayout, Failure> {
+        let count = self.further.iter().take_while(|own| **own > 0).count();
+        let (features, rest) = self.further.split_at(count);
+        if rest.iter().any(|own| *own > 0) {
+            return Err(Failure::argument(
+                "further has a feature behind one of 0 channels",
+            ));
+        }
+        if self.further_with_variance >> count != 0 {
+            return Err(Failure::argument(format!(
+                "further_with_variance is {}, but further has {count} features",
+                self.further_with_variance
+            )));
+        }
+        for (n, channels) in features.iter().enumerate() {
+            let channels = *channels as usize;
+            layout = match self.further_with_variance >> n & 1 {
+                0 => layout.with_further_feature(channels)?,
+                _ => layout.with_further_feature_and_variance(channels)?,
+            };
+        }
+        Ok(layout)
     }
 
     fn variance(&self) -> Result<VarianceKind, Failure> {
@@ -158,6 +186,10 @@ pub struct linpred_input_row {
     pub layers: *const *mut f32,
     /// Channels that are no light.
     pub scalars: *const *mut f32,
+    /// The channels of the layout's `further` features, one after the other.
+    pub further: *const *mut f32,
+    /// The variances of their means; NULL for a channel whose variance is estimated.
+    pub further_variance: *const *mut f32,
 }
 
 /// A denoised row. Every plane has `width` floats; planes that the layout does not ask for are NULL. The library
@@ -177,7 +209,7 @@ pub struct linpred_output_row {
     pub error: *const f32,
     /// Half-width of the prediction windows that predicted the pixel, weighted mean, 0 to 9 pixels.
     pub radius: *const f32,
-    /// Local rank of those models, weighted mean, 0 to 9.
+    /// Local rank of those models, weighted mean, 0 to 9, or to 15 with further features.
     pub rank: *const f32,
     /// Denoised alpha, 0 to 1.
     pub alpha: *const f32,
@@ -192,6 +224,8 @@ pub(crate) struct LentInput {
     pub(crate) lent: linpred_input_row,
     layers: Vec<*mut f32>,
     scalars: Vec<*mut f32>,
+    further: Vec<*mut f32>,
+    further_variance: Vec<*mut f32>,
 }
 
 // SAFETY: pointers that C follows in the thread to which the row is lent; whoever moves this moves them with the row
@@ -215,9 +249,13 @@ impl LentInput {
                 alpha: null_mut(),
                 layers: null(),
                 scalars: null(),
+                further: null(),
+                further_variance: null(),
             },
             layers: Vec::new(),
             scalars: Vec::new(),
+            further: Vec::new(),
+            further_variance: Vec::new(),
         }
     }
 
@@ -243,6 +281,16 @@ impl LentInput {
         self.scalars.clear();
         self.scalars
             .extend(row.scalars.iter_mut().map(|plane| plane.as_mut_ptr()));
+        self.further.clear();
+        self.further_variance.clear();
+        for k in layout.further_features().flatten() {
+            let variance = match layout.feature_variances[k] {
+                true => start_mut(&mut row.feature_variances[k]),
+                false => null_mut(),
+            };
+            self.further.push(start_mut(&mut row.features[k]));
+            self.further_variance.push(variance);
+        }
         let [normal, albedo, depth] = Feature::ALL;
         let [normal_has, albedo_has, depth_has] = has_variance;
         let [depth_plane] = three(row.feature_mut(depth), true);
@@ -262,6 +310,8 @@ impl LentInput {
             alpha: start_mut(&mut row.alpha),
             layers: start(&self.layers),
             scalars: start(&self.scalars),
+            further: start(&self.further),
+            further_variance: start(&self.further_variance),
         };
         &self.lent
     }
@@ -274,6 +324,7 @@ impl LentInput {
         let row = &self.lent;
         let planes = [row.variance, row.normal_variance, row.albedo_variance];
         let planes = planes.into_iter().flatten().chain([row.depth_variance]);
+        let planes = planes.chain(self.further_variance.iter().copied());
         for plane in planes.filter(|plane| !plane.is_null()) {
             // SAFETY: a plane of that row, whose length is the width
             let values = unsafe { std::slice::from_raw_parts_mut(plane, row.width) };

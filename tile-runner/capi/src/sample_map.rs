@@ -120,7 +120,7 @@ fn frame(images: &Images) -> Result<Frame<'static>, Failure> {
 
 /// Where the map goes.
 fn target(place: &Place, size: ImageSize) -> Result<RawImage, Failure> {
-    let target = image("the map", 1, place)?;
+    let target = image("the map", Some(1), place)?;
     match target.size() == size {
         true => Ok(target),
         false => Err(Failure::argument(format!(

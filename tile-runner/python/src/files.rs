@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
-use linpred::channels::{Mapping, PRESET_NAMES, Preset, RoleRequest};
+use linpred::channels::{FeatureRequest, Mapping, PRESET_NAMES, Preset, RoleRequest};
 use linpred::cli;
 use linpred::image::ExtraLayers;
 use linpred::job::{
@@ -30,6 +30,7 @@ pub(crate) struct Reading {
     preset: String,
     /// `ROLE=CHANNEL`
     map: Vec<String>,
+    features: Vec<String>,
     spp: Option<i64>,
     other_half: Option<PathBuf>,
     layers: Vec<String>,
@@ -112,9 +113,13 @@ impl Reading {
         };
         let map: Result<Vec<Mapping>, _> =
             self.map.iter().map(|entry| Mapping::parse(entry)).collect();
+        let features = self.features.iter();
+        let features: Result<Vec<FeatureRequest>, _> =
+            features.map(|entry| FeatureRequest::parse(entry)).collect();
         let roles = RoleRequest {
             preset,
             map: map.map_err(raise)?,
+            features: features.map_err(raise)?,
             spp,
             other_half: None,
         };

@@ -58,6 +58,18 @@ pub(crate) fn frame<'a>(planes: &'a [Plane<'_>]) -> Result<Frame<'a>, Error> {
             (None, _) => frame,
         };
     }
+    for plane in planes.iter().filter(|plane| plane.role == "feature") {
+        let noise = planes
+            .iter()
+            .find(|other| other.role == "feature_variance" && other.name == plane.name);
+        let pixels = plane.array.pixels();
+        frame = match noise.map(|noise| noise.array.pixels()) {
+            Some(variance) => {
+                frame.with_further_feature_and_variance(&plane.name, pixels, variance)?
+            }
+            None => frame.with_further_feature(&plane.name, pixels)?,
+        };
+    }
     if let Some(alpha) = pixels("alpha") {
         frame = frame.with_alpha(alpha)?;
     }

@@ -169,7 +169,6 @@ WRONG = {
     "layers['glow']: shape (24, 30), but it is (height, width, 3)": dict(colour=NONE, layers={"glow": NONE[..., 0]}),
     "variance and halves both say what the noise is: give one of them": dict(colour=NONE, variance=NONE, halves=(NONE, NONE)),
     "halves: it is a pair of arrays, the means of either half of the samples": dict(colour=NONE, halves=(NONE,)),
-    "features: 'roughness' is none that this version knows: normal, albedo, depth": dict(colour=NONE, features={"roughness": NONE}),
     "normal is given twice: as an argument and in features": dict(colour=NONE, normal=NONE, features={"normal": NONE}),
     "depth_variance is given without depth": dict(colour=NONE, depth_variance=NONE[..., 0]),
     "quality \"best\": it is fast, balanced or high": dict(colour=NONE, quality="best"),

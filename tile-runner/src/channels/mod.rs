@@ -15,6 +15,9 @@ pub(crate) mod views;
 pub use names::{ChannelNames, ChannelRef, NamedChannel};
 pub use presets::{PRESET_NAMES, Preset, Role};
 pub use roles::layers::Layer;
-pub use roles::{Assignment, FeatureChannels, Mapping, RoleRequest, Roles};
+pub use roles::{
+    Assignment, FeatureChannels, FeatureRequest, FurtherChannels, Mapping, NamedFeature,
+    RoleRequest, Roles,
+};
 pub use samples::Samples;
 pub use variance::{Count, Meaning, Variance};

@@ -3,7 +3,7 @@
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
 
-use crate::channels::{Mapping, PRESET_NAMES};
+use crate::channels::{FeatureRequest, Mapping, PRESET_NAMES};
 use crate::job::{Band, parse_frames};
 use clap::{ArgGroup, Args, Parser, Subcommand, ValueEnum};
 
@@ -183,6 +183,11 @@ pub(crate) struct InputArguments {
     /// way), motion-forward (in the frame after), position (in the world)
     #[arg(long, value_name = "ROLE=CHANNEL", value_parser = Mapping::parse)]
     pub(crate) map: Vec<Mapping>,
+    /// A feature beside normal, albedo and depth that light may follow: a layer or channel such as a position in the world, a roughness, a second normal, what another
+    /// denoiser made; P, P:X,Z for some of its channels, P=PVariance where its variance has a name of its own. 1 to 3 channels each, 6 in all. 'auto': those that the
+    /// renderer is known to write
+    #[arg(long, value_name = "NAME", value_parser = FeatureRequest::parse)]
+    pub(crate) feature: Vec<FeatureRequest>,
     /// Samples per pixel, where the file does not state them or states them wrongly
     #[arg(long, value_name = "N", value_parser = parse_spp)]
     pub(crate) spp: Option<NonZeroU32>,

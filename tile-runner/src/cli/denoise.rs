@@ -204,6 +204,7 @@ pub(crate) fn request(arguments: InputArguments) -> InputRequest {
     let roles = RoleRequest {
         preset: Preset::named(&arguments.preset),
         map: arguments.map,
+        features: arguments.feature,
         spp: arguments.spp.map(|spp| spp.get()),
         other_half: None,
     };

@@ -20,6 +20,7 @@ pub(crate) fn run(arguments: MergeArguments, format: LogFormat) -> Result<u8, Er
     let roles = RoleRequest {
         preset: Preset::named(&arguments.preset),
         map: arguments.map,
+        features: Vec::new(),
         spp: arguments.spp.map(|spp| spp.get()),
         other_half: None,
     };

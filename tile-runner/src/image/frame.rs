@@ -1,5 +1,7 @@
 //! An image in memory as rows in: whatever its pixels look like there.
 
+use std::ops::Range;
+
 use linpred_core::Feature;
 
 use crate::channels::variance::{Meaning, to_variance_of_mean, variance_from_halves};
@@ -72,7 +74,10 @@ pub struct Frame<'a> {
     layout: RowLayout,
     colour: Kept<'a>,
     noise: Noise<'a>,
-    features: Vec<(Feature, Kept<'a>, Option<Kept<'a>>)>,
+    /// With the place of their channels in a row.
+    features: Vec<(Range<usize>, Kept<'a>, Option<Kept<'a>>)>,
+    /// What the further ones among them are called.
+    further: Vec<String>,
     layers: Vec<Kept<'a>>,
     alpha: Option<Kept<'a>>,
     scalars: Vec<Kept<'a>>,
@@ -96,6 +101,7 @@ impl<'a> Frame<'a> {
             layout,
             noise: Noise::Unknown,
             features: Vec::new(),
+            further: Vec::new(),
             layers: Vec::new(),
             alpha: None,
             scalars: Vec::new(),
@@ -153,7 +159,57 @@ impl<'a> Frame<'a> {
             Some(_) => self.layout.with_feature_and_variance(feature),
             None => self.layout.with_feature(feature),
         };
-        self.features.push((feature, pixels, variance));
+        self.features.push((feature.range(), pixels, variance));
+        Ok(self)
+    }
+
+    /// A feature beside normal, albedo and depth that light may follow, of one to three channels that belong together; its noise is estimated. Not finite, or a magnitude of 1e9 or more: as
+    /// for [`RowLayout::with_further_feature`]. [`Error::Usage`] also if all have more than [`FURTHER`](crate::FURTHER) channels, or one of this name is there.
+    pub fn with_further_feature(self, name: &str, pixels: impl Pixels + 'a) -> Result<Self, Error> {
+        self.further(name, pixels, None::<Interleaved<'a, 1>>)
+    }
+
+    /// The same of one and the variances of its means.
+    pub fn with_further_feature_and_variance(
+        self,
+        name: &str,
+        pixels: impl Pixels + 'a,
+        variance: impl Pixels + 'a,
+    ) -> Result<Self, Error> {
+        self.further(name, pixels, Some(variance))
+    }
+
+    fn further(
+        mut self,
+        name: &str,
+        pixels: impl Pixels + 'a,
+        variance: Option<impl Pixels + 'a>,
+    ) -> Result<Self, Error> {
+        if Feature::ALL.iter().any(|feature| feature.name() == name) {
+            let problem = format!("{name} is a feature that is known, and no further one");
+            return Err(Error::Usage(problem));
+        }
+        if self.further.iter().any(|other| other == name) {
+            return Err(Error::Usage(format!("{name} is given twice")));
+        }
+        let channels = pixels.channels();
+        let pixels = kept(name, channels, &self.layout, pixels)?;
+        let variance = match variance {
+            Some(variance) => {
+                let name = format!("variance of the {name}");
+                Some(kept(&name, channels, &self.layout, variance)?)
+            }
+            None => None,
+        };
+        let layout = match variance {
+            Some(_) => self.layout.with_further_feature_and_variance(channels),
+            None => self.layout.with_further_feature(channels),
+        };
+        self.layout = layout.map_err(|error| Error::Usage(format!("{name}: {error}")))?;
+        let range = self.layout.further_features().last();
+        self.features
+            .extend(range.map(|range| (range, pixels, variance)));
+        self.further.push(name.to_owned());
         Ok(self)
     }
 
@@ -243,10 +299,10 @@ impl RowSource for Frame<'_> {
                 }
             }
         }
-        for (feature, pixels, variance) in &self.features {
-            read(pixels, y, &mut row.features[feature.range()]);
+        for (range, pixels, variance) in &self.features {
+            read(pixels, y, &mut row.features[range.clone()]);
             if let Some(variance) = variance {
-                read_variance(variance, y, &mut row.feature_variances[feature.range()]);
+                read_variance(variance, y, &mut row.feature_variances[range.clone()]);
             }
         }
         for (pixels, planes) in self.layers.iter().zip(&mut row.layers) {

@@ -2,11 +2,12 @@
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use std::ops::Range;
 use std::sync::Arc;
 
 use crate::channels::names::ChannelRef;
+use crate::channels::roles::Roles;
 use crate::channels::roles::layers::Layer;
-use crate::channels::roles::{FeatureChannels, Roles};
 use crate::channels::variance::{Count, Variance, to_variance_of_mean, variance_from_halves};
 use crate::error::Error;
 use crate::exr_file::compression::SharedCodec;
@@ -15,9 +16,9 @@ use crate::geometry::ImageSize;
 use crate::image::area::Area;
 use crate::image::motion::MotionChannels;
 use exr::meta::attribute::IntegerBounds;
-use linpred_core::{FEATURES, Feature};
+use linpred_core::FEATURES;
 
-use crate::row::{InputRow, Motion, RowLayout, RowSource, VarianceKind, sums_up};
+use crate::row::{InputRow, RowLayout, RowSource, VarianceKind, sums_up};
 
 /// Channels, and where their variance comes from.
 #[derive(Clone, Debug)]
@@ -42,7 +43,8 @@ pub struct ExrSource {
     colour: Channels,
     /// Whether a variance of 0 says that nothing is known.
     zero_is_unknown: bool,
-    features: Vec<(Feature, Channels)>,
+    /// Of each feature, those that are known by their names first, and where its channels are in a row.
+    features: Vec<(Range<usize>, Channels)>,
     layers: Vec<Channels>,
     alpha: Option<Channels>,
     /// Of each layer that is no light.
@@ -71,8 +73,10 @@ impl ExrSource {
         let at = roles.colour[0];
         let part = &files[at.file].parts()[at.part];
         // rows to work in, and those that a caller makes to be filled
+        let further = roles.further.iter().map(|feature| feature.channels.len());
+        let channels = FEATURES + further.sum::<usize>();
         let row_bytes =
-            (area.size.width() as u64).saturating_mul(4 * 2 * (6 + 2 * FEATURES as u64));
+            (area.size.width() as u64).saturating_mul(4 * 2 * (6 + 2 * channels as u64));
         if row_bytes > limit {
             let path = files[at.file].path().display();
             return Err(Error::Budget(format!(
@@ -94,15 +98,16 @@ impl ExrSource {
         };
         let (light, plain): (Vec<&Layer>, Vec<&Layer>) = layers.iter().partition(|l| l.is_light);
         let corner = part.data_window().position;
+        let layout = layout(roles, area.size, layers);
         let mut source = Self {
             planes: Planes::new(area, [corner.0, corner.1]),
-            layout: layout(roles, area.size, layers),
+            layout,
             colour: Channels {
                 means: roles.colour.to_vec(),
                 variance: roles.variance.clone(),
             },
             zero_is_unknown: roles.zero_is_unknown,
-            features: roles.features.iter().map(feature_channels).collect(),
+            features: features(roles, &layout),
             layers: light.into_iter().map(channels).collect(),
             alpha,
             scalars: plain.into_iter().map(channels).collect(),
@@ -168,12 +173,20 @@ impl ExrSource {
     }
 }
 
-fn feature_channels(found: &FeatureChannels) -> (Feature, Channels) {
-    let channels = Channels {
-        means: found.channels.clone(),
-        variance: found.variance.clone(),
+/// The channels of every feature, and where they are in a row.
+fn features(roles: &Roles, layout: &RowLayout) -> Vec<(Range<usize>, Channels)> {
+    let channels = |means: &Vec<ChannelRef>, variance: &Variance| Channels {
+        means: means.clone(),
+        variance: variance.clone(),
     };
-    (found.feature, channels)
+    let known = roles.features.iter();
+    let known = known.map(|own| {
+        let range = own.feature.range();
+        (range, channels(&own.channels, &own.variance))
+    });
+    let further = layout.further_features().zip(&roles.further);
+    let further = further.map(|(range, own)| (range, channels(&own.channels, &own.variance)));
+    known.chain(further).collect()
 }
 
 /// The channel of the other half of the samples that `at` is averaged with, if the colour's are.
@@ -204,9 +217,9 @@ impl RowSource for ExrSource {
         if self.zero_is_unknown {
             forget_zeros(&mut row.variance);
         }
-        for (feature, channels) in &self.features {
-            let means = &mut row.features[feature.range()];
-            let variances = &mut row.feature_variances[feature.range()];
+        for (range, channels) in &self.features {
+            let means = &mut row.features[range.clone()];
+            let variances = &mut row.feature_variances[range.clone()];
             planes.read(channels, y, means, Some(variances))?;
         }
         for (layer, out) in self.layers.iter().zip(&mut row.layers) {
@@ -257,32 +270,31 @@ fn forget_zeros(variance: &mut [Vec<f32>; 3]) {
 
 /// What the rows of a source for `roles` hold.
 pub(crate) fn layout(roles: &Roles, size: ImageSize, layers: &[Layer]) -> RowLayout {
-    let mut features = [false; FEATURES];
-    let mut feature_variances = [false; FEATURES];
+    let variance = match &roles.variance {
+        Variance::Given { .. } => VarianceKind::OfMean,
+        Variance::Halves { .. } | Variance::OtherFile(_) => VarianceKind::OfHalves,
+        Variance::None => VarianceKind::Estimated,
+    };
+    let (light, plain): (Vec<&Layer>, Vec<&Layer>) = layers.iter().partition(|l| l.is_light);
+    let mut layout = RowLayout::new(size, variance)
+        .with_layers(light.len())
+        .with_scalars(plain.iter().map(|layer| layer.channels.len()).sum());
+    layout.alpha = roles.alpha.is_some();
     for found in &roles.features {
-        let channels = found.feature.range();
-        features[channels.clone()].fill(true);
-        feature_variances[channels].fill(found.variance.is_known());
+        layout = match found.variance.is_known() {
+            true => layout.with_feature_and_variance(found.feature),
+            false => layout.with_feature(found.feature),
+        };
     }
-    RowLayout {
-        size,
-        variance: match &roles.variance {
-            Variance::Given { .. } => VarianceKind::OfMean,
-            Variance::Halves { .. } | Variance::OtherFile(_) => VarianceKind::OfHalves,
-            Variance::None => VarianceKind::Estimated,
-        },
-        features,
-        feature_variances,
-        layers: layers.iter().filter(|layer| layer.is_light).count(),
-        alpha: roles.alpha.is_some(),
-        scalars: (layers.iter().filter(|layer| !layer.is_light))
-            .map(|layer| layer.channels.len())
-            .sum(),
-        samples: false,
-        motion: Motion::default(),
-        frames: false,
-        margin: 0,
+    for found in &roles.further {
+        let channels = found.channels.len();
+        let wider = match found.variance.is_known() {
+            true => layout.with_further_feature_and_variance(channels),
+            false => layout.with_further_feature(channels),
+        };
+        layout = wider.expect("the roles have room for their features");
     }
+    layout
 }
 
 /// The parts that are open, and rows to work in.

@@ -94,9 +94,12 @@ impl Input {
                 return Err(problem);
             }
             picture.roles.zero_is_unknown = found.zero_is_unknown;
-            for feature in &mut picture.roles.features {
-                if found.halves_are_one && matches!(feature.variance, Variance::OtherFile(_)) {
-                    feature.variance = Variance::None;
+            let roles = &mut picture.roles;
+            let known = roles.features.iter_mut().map(|own| &mut own.variance);
+            let further = roles.further.iter_mut().map(|own| &mut own.variance);
+            for variance in known.chain(further) {
+                if found.halves_are_one && matches!(variance, Variance::OtherFile(_)) {
+                    *variance = Variance::None;
                 }
             }
             picture.roles.warnings.extend(found.warnings);
@@ -204,6 +207,10 @@ impl Input {
         for layer in &self.layers {
             all.extend(layer.channels.iter().copied());
             all.extend(layer.variance.channels());
+        }
+        for feature in &self.roles.further {
+            all.extend(feature.channels.iter().copied());
+            all.extend(feature.variance.channels());
         }
         all.extend(self.roles.variance.channels());
         all

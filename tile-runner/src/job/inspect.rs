@@ -73,6 +73,8 @@ pub struct Inspection {
     pub motion: Option<String>,
     /// Features that are missing.
     pub missing: Vec<String>,
+    /// Layers that could be features, too, by what the renderer is known to write, and are not asked for.
+    pub offered: Vec<String>,
     /// Channels that play no role and stay as they are.
     pub untouched: Vec<String>,
     /// What was left aside, and why.
@@ -140,7 +142,15 @@ pub fn survey(
     plan.check(limit)?;
     memory::check_available(&plan, threads.get())?;
     let mut source = input.source(limit)?;
-    survey::survey(&mut source, threads, progress)
+    let mut found = survey::survey(&mut source, threads, progress)?;
+    let further = input.roles.further.iter().flat_map(|own| &own.channels);
+    for (n, at) in further.enumerate() {
+        let names = found.constant_features.iter_mut();
+        for name in names.filter(|name| **name == survey::further_name(n)) {
+            *name = input.names.name(*at);
+        }
+    }
+    Ok(found)
 }
 
 /// Why pictures whose roles are known cannot be denoised, if they cannot.
@@ -205,6 +215,10 @@ fn describe_picture(input: &Input) -> Inspection {
             .filter(|feature| roles.feature(*feature).is_none())
             .map(|feature| feature.name().to_owned())
             .collect(),
+        offered: (roles.offered.iter())
+            .filter(|name| roles.further.iter().all(|own| own.name != **name))
+            .cloned()
+            .collect(),
         notes: roles.notes.clone(),
         warnings: roles.warnings.clone(),
         written_to: (target.iter().flatten())
@@ -221,9 +235,11 @@ fn untouched(pictures: &[Input]) -> Vec<String> {
     let used = pictures.iter().flat_map(|input| {
         let assigned = input.roles.assignments.iter().flat_map(|a| &a.channels);
         let layers = input.layers.iter().flat_map(|layer| &layer.channels);
+        let further = input.roles.further.iter().flat_map(|own| &own.channels);
         let alpha = &input.roles.alpha_target;
         assigned
             .chain(layers)
+            .chain(further)
             .chain(&input.roles.target)
             .chain(alpha)
     });
@@ -265,7 +281,15 @@ fn role_infos(input: &Input) -> Vec<RoleInfo> {
             },
         )
     });
-    assigned.chain(layers).collect()
+    let further = input.roles.further.iter().map(|feature| {
+        let noise = match feature.variance.channels() {
+            channels if channels.is_empty() => "its variance estimated".to_owned(),
+            channels => format!("its variance from {}", names.name(channels[0])),
+        };
+        let rule = format!("asked for as a feature, {noise}");
+        info("feature", &feature.channels, rule)
+    });
+    assigned.chain(layers).chain(further).collect()
 }
 
 fn variance_in_words(roles: &Roles) -> String {
@@ -423,6 +447,13 @@ impl Inspection {
                 f,
                 "  no features       {} (denoised without)",
                 self.missing.join(", ")
+            )?;
+        }
+        if !self.offered.is_empty() {
+            writeln!(
+                f,
+                "  more features     {} (used if asked for)",
+                self.offered.join(", ")
             )?;
         }
         for note in &self.notes {

@@ -32,6 +32,18 @@ pub(super) fn marks(
         })
     });
     let roles: Vec<String> = roles.collect();
+    let further = pictures.iter().flat_map(|picture| {
+        let further = picture.roles.further.iter();
+        further.map(|feature| {
+            let names = feature.channels.iter().map(|at| picture.names.name(*at));
+            names.collect::<Vec<String>>().join(",")
+        })
+    });
+    let further: Vec<String> = further.collect();
+    let further = match further.is_empty() {
+        true => String::new(),
+        false => format!("features {}; ", further.join(" ")),
+    };
     let layers = pictures.iter().flat_map(|picture| &picture.layers);
     let layers: Vec<&str> = layers.map(|layer| layer.name.as_str()).collect();
     let samples = pictures
@@ -43,7 +55,7 @@ pub(super) fn marks(
         .map(|picture| picture.wrap.to_string())
         .collect();
     let text = format!(
-        "formulas {:?}; coverage {}; vary features {}; {}; layers {}; samples {}; wraps {}",
+        "formulas {:?}; coverage {}; vary features {}; {}; {further}layers {}; samples {}; wraps {}",
         params.formulas,
         params.coverage,
         params.vary_features,

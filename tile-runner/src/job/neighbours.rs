@@ -257,7 +257,9 @@ fn difference(own: &RowLayout, other: &RowLayout) -> Option<String> {
         differs(own.features[at], other.features[at], name)
             .or_else(|| differs(variances.0, variances.1, &format!("variance of the {name}")))
     });
+    let further = || (own.further != other.further).then(|| "other features".to_owned());
     features
+        .or_else(further)
         .or_else(|| differs(own.alpha, other.alpha, "channel of alpha"))
         .or_else(|| (own.variance != other.variance).then(|| "another kind of variance".into()))
         .or_else(|| (own != &other.with_motion(own.motion)).then(|| "other layers".into()))

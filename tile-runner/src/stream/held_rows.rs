@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use linpred_core::{FEATURES, Feature};
+use linpred_core::{FEATURES, Feature, MAX_FEATURES};
 
 use crate::geometry::plane_bytes;
 use crate::row::{InputRow, RowLayout, VarianceKind};
@@ -12,7 +12,7 @@ use crate::stream::row_ring::RowRing;
 /// Radiances and features beyond this magnitude count as not finite: their squares would leave `f32`.
 pub(crate) const LARGEST: f32 = 1e15;
 
-/// Depths from here on are what renderers write where a ray leaves the scene.
+/// Depths from here on, and positions, are what renderers write where a ray leaves the scene.
 pub(crate) const NO_SURFACE: f32 = 1e9;
 
 /// What cells, and the stages after them, read of a row.
@@ -42,13 +42,13 @@ pub(crate) struct GuideRow {
     /// Mean magnitude of the channels, 0 where the pixel is bad.
     pub(crate) luminance: Vec<f32>,
     /// Features; NaN where missing, empty if the image has none.
-    pub(crate) features: [Vec<f32>; FEATURES],
+    pub(crate) features: [Vec<f32>; MAX_FEATURES],
     /// Whether some pixel misses the feature.
-    missing: [bool; FEATURES],
+    missing: [bool; MAX_FEATURES],
     /// Variances of the features; empty if the image has no such feature.
-    pub(crate) feature_variances: [Vec<f32>; FEATURES],
+    pub(crate) feature_variances: [Vec<f32>; MAX_FEATURES],
     /// Columns outside which the feature has no variance.
-    noisy: [Range<usize>; FEATURES],
+    noisy: [Range<usize>; MAX_FEATURES],
 }
 
 impl ColourRow {
@@ -128,7 +128,8 @@ impl ColourRow {
             return;
         }
         let alpha = self.followers.get(layout.layers).filter(|_| layout.alpha);
-        let present = guides.features.iter().filter(|plane| !plane.is_empty());
+        let known = guides.features.iter().take(FEATURES);
+        let present = known.filter(|plane| !plane.is_empty());
         let zero = present
             .chain(&self.colour)
             .chain(alpha.map(|triple| &triple[0]));
@@ -156,8 +157,7 @@ impl ColourRow {
 impl GuideRow {
     /// Bytes of `rows` rows.
     pub(crate) fn bytes(layout: &RowLayout, rows: usize) -> u64 {
-        let features = layout.features.iter().filter(|present| **present).count();
-        plane_bytes(layout.size, rows, 1 + 2 * features)
+        plane_bytes(layout.size, rows, 1 + 2 * layout.feature_channels())
     }
 
     fn new(layout: &RowLayout) -> Self {
@@ -166,8 +166,8 @@ impl GuideRow {
         Self {
             luminance: vec![0.0; width],
             features: std::array::from_fn(feature),
-            missing: [false; FEATURES],
-            noisy: [const { 0..0 }; FEATURES],
+            missing: [false; MAX_FEATURES],
+            noisy: [const { 0..0 }; MAX_FEATURES],
             feature_variances: std::array::from_fn(feature),
         }
     }
@@ -186,6 +186,10 @@ impl GuideRow {
             for k in feature.range() {
                 self.fill_feature(k, input, limit);
             }
+        }
+        // what a further feature is nobody knows: so large it is a position beyond the scene, and no light or roughness
+        for k in FEATURES..MAX_FEATURES {
+            self.fill_feature(k, input, NO_SURFACE);
         }
     }
 

@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use linpred_core::{
-    CELL, FEATURES, FeatureSet, Formulas, HALO, LayerTile, OtherFeatures, POSITION, Pixel,
-    PixelState, TILE, TILE_AREA, TILE_FEATURES, Tile,
+    CELL, FeatureSet, Formulas, HALO, LayerTile, MAX_FEATURES, OtherFeatures, POSITION, Pixel,
+    PixelState, TILE, TILE_AREA, Tile,
 };
 
 use crate::geometry::ImageSize;
@@ -61,7 +61,8 @@ impl Neighbourhood<'_> {
         })
     }
 
-    pub(crate) fn load(&self, tile: &mut Tile<TILE_FEATURES>, column: usize) {
+    /// Loads the tile of a cell, with the position and as many channels of features as it has room for.
+    pub(crate) fn load<const D: usize>(&self, tile: &mut Tile<D>, column: usize) {
         let (columns, first) = self.columns(column);
         for ty in 0..TILE {
             let row = ty * TILE..(ty + 1) * TILE;
@@ -84,7 +85,7 @@ impl Neighbourhood<'_> {
             };
             for outside in [0..inside.start, inside.end..TILE] {
                 pixels[outside.clone()].fill(Pixel::OUTSIDE);
-                variances[outside].fill([0.0; TILE_FEATURES]);
+                variances[outside].fill([0.0; D]);
             }
             for (tx, pixel) in pixels.iter_mut().enumerate() {
                 pixel.features[0] = tx as f32;
@@ -95,9 +96,9 @@ impl Neighbourhood<'_> {
 
     /// Loads the features of a cell's tile otherwise than prefiltered, and returns whether they are any different. Outside the image nothing
     /// reads them.
-    pub(crate) fn load_otherwise(
+    pub(crate) fn load_otherwise<const D: usize>(
         &self,
-        otherwise: &mut OtherFeatures<TILE_FEATURES>,
+        otherwise: &mut OtherFeatures<D>,
         column: usize,
     ) -> bool {
         let (columns, first) = self.columns(column);
@@ -124,9 +125,9 @@ impl Neighbourhood<'_> {
     }
 
     /// Loads the features of the image's `columns` of row `y` into `pixels` of a tile.
-    fn load_features(
+    fn load_features<const D: usize>(
         &self,
-        otherwise: &mut OtherFeatures<TILE_FEATURES>,
+        otherwise: &mut OtherFeatures<D>,
         y: usize,
         columns: &Range<usize>,
         pixels: Range<usize>,
@@ -134,11 +135,11 @@ impl Neighbourhood<'_> {
     ) {
         let [smoothed, rendered] = otherwise;
         for set in [&mut *smoothed, &mut *rendered] {
-            set.value[pixels.clone()].fill([0.0; TILE_FEATURES]);
-            set.variance[pixels.clone()].fill([0.0; TILE_FEATURES]);
+            set.value[pixels.clone()].fill([0.0; D]);
+            set.variance[pixels.clone()].fill([0.0; D]);
         }
         let (prepared, guides) = (self.row(y).prepared, self.held.guides(y as isize));
-        for k in (0..FEATURES).filter(|k| !prepared.smoothed[*k].is_empty()) {
+        for k in (0..D - POSITION).filter(|k| !prepared.smoothed[*k].is_empty()) {
             let (x, y) = (columns.start as isize, y as isize);
             self.held.copy_feature(k, x, y, values);
             let noise = &guides.feature_variances[k][columns.clone()];
@@ -162,7 +163,7 @@ impl Neighbourhood<'_> {
         let end = self.size.height().min((self.row + 1) * CELL + HALO);
         (first..end).any(|y| {
             let row = self.held.guides(y as isize);
-            (0..FEATURES).any(|k| row.is_noisy(k, columns))
+            (0..MAX_FEATURES).any(|k| row.is_noisy(k, columns))
         })
     }
 
@@ -187,8 +188,8 @@ impl Neighbourhood<'_> {
 }
 
 /// Stores feature `k` of a run of pixels.
-fn store_feature(
-    set: &mut FeatureSet<TILE_FEATURES>,
+fn store_feature<const D: usize>(
+    set: &mut FeatureSet<D>,
     pixels: Range<usize>,
     k: usize,
     values: &[f32],
@@ -223,11 +224,11 @@ impl PixelRow<'_> {
     }
 
     /// The pixels of `columns` and the variances of their features, but for their positions.
-    fn load(
+    fn load<const D: usize>(
         &self,
         columns: Range<usize>,
-        pixels: &mut [Pixel<TILE_FEATURES>],
-        variances: &mut [[f32; TILE_FEATURES]],
+        pixels: &mut [Pixel<D>],
+        variances: &mut [[f32; D]],
     ) {
         let [r, g, b] = self.colours.colour.each_ref().map(|c| &c[columns.clone()]);
         let good = &self.colours.good[columns.clone()];
@@ -246,7 +247,7 @@ impl PixelRow<'_> {
             pixels.iter_mut().zip(colours.zip(rest))
         {
             *pixel = Pixel {
-                features: [0.0; TILE_FEATURES],
+                features: [0.0; D],
                 colour: [*r, *g, *b],
                 weight: *weight,
                 variance: *variance,
@@ -254,9 +255,10 @@ impl PixelRow<'_> {
                 state: state(*good, *variance, *empty),
             };
         }
-        variances.fill([0.0; TILE_FEATURES]);
+        variances.fill([0.0; D]);
         let planes = self.prepared.features.iter();
         let planes = planes.zip(&self.prepared.feature_variances);
+        let planes = planes.take(D - POSITION);
         for (k, (values, noise)) in planes.enumerate() {
             // a feature that the image lacks stays 0
             if let (Some(values), Some(noise)) =

@@ -61,7 +61,9 @@ impl Preparation {
             held: HeldRows::new(layout),
             fireflies: (!params.formulas.are_published()).then(|| Fireflies::new(&layout)),
             prepared: std::array::from_fn(|_| PreparedRows::new(&layout, params.vary_features)),
-            benches: (0..threads.get()).map(|_| BlockBench::new()).collect(),
+            benches: (0..threads.get())
+                .map(|_| BlockBench::new(&layout, params.vary_features))
+                .collect(),
             input: InputRow::new(&layout),
         }
     }
@@ -75,8 +77,8 @@ impl Preparation {
             Fireflies::bytes(layout),
             PreparedRows::bytes(layout, vary).saturating_mul(2),
             InputRow::bytes(layout),
-            Missing::working_bytes(threads),
-            threads.saturating_mul(size_of::<BlockBench>() as u64),
+            Missing::working_bytes(layout, threads),
+            threads.saturating_mul(BlockBench::bytes(layout)),
         ]
         .into_iter()
         .fold(0, u64::saturating_add)

@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use linpred_core::{
-    BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane, ColourBlock, FEATURES, Feature, FeatureGroup,
-    FilteredGroup, PREFILTER_HALO, WEIGHTS_HALO, WeightBlock,
+    BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane, ColourBlock, FeatureGroup, FilteredGroup, MAX_FEATURES,
+    PREFILTER_HALO, WEIGHTS_HALO, WeightBlock,
 };
 use rayon::prelude::*;
 
@@ -27,9 +27,6 @@ const _: () = assert!(
 /// What the cells read of 19 rows beside their colour.
 pub(crate) struct PreparedRows {
     width: usize,
-    /// Which features the image has.
-    present: PerFeature,
-    vary: bool,
     rows: Vec<PreparedRow>,
 }
 
@@ -38,11 +35,11 @@ pub(crate) struct PreparedRow {
     pub(crate) weight: Vec<f32>,
     pub(crate) variance: Vec<f32>,
     pub(crate) tolerance: Vec<f32>,
-    pub(crate) features: [Vec<f32>; FEATURES],
-    pub(crate) feature_variances: [Vec<f32>; FEATURES],
+    pub(crate) features: [Vec<f32>; MAX_FEATURES],
+    pub(crate) feature_variances: [Vec<f32>; MAX_FEATURES],
     /// The features smoothed more; empty if nobody asks for them.
-    pub(crate) smoothed: [Vec<f32>; FEATURES],
-    pub(crate) smoothed_variances: [Vec<f32>; FEATURES],
+    pub(crate) smoothed: [Vec<f32>; MAX_FEATURES],
+    pub(crate) smoothed_variances: [Vec<f32>; MAX_FEATURES],
 }
 
 impl PreparedRow {
@@ -68,8 +65,6 @@ impl PreparedRows {
     pub(crate) fn new(layout: &RowLayout, vary: bool) -> Self {
         Self {
             width: layout.size.width(),
-            present: Feature::ALL.map(|feature| layout.has(feature)),
-            vary,
             rows: (0..BLOCK_HEIGHT)
                 .map(|_| PreparedRow::new(layout, vary))
                 .collect(),
@@ -78,7 +73,7 @@ impl PreparedRows {
 
     /// Bytes of 19 rows.
     pub(crate) fn bytes(layout: &RowLayout, vary: bool) -> u64 {
-        let features = layout.features.iter().filter(|present| **present).count();
+        let features = layout.feature_channels();
         let sets = if vary { 2 } else { 1 };
         plane_bytes(layout.size, BLOCK_HEIGHT, 3 + 2 * sets * features)
     }
@@ -97,7 +92,7 @@ impl PreparedRows {
         instruction_set: InstructionSet,
         benches: &mut [Box<BlockBench>],
     ) -> Filled {
-        let (width, present, vary) = (self.width, self.present, self.vary);
+        let width = self.width;
         // A block is stored row by row, so that threads wait for one another no longer than a row takes.
         let rows: Vec<_> = self.rows.iter_mut().map(Mutex::new).collect();
         let next = AtomicUsize::new(0);
@@ -114,8 +109,8 @@ impl PreparedRows {
                     x,
                     y: first_row,
                 };
-                bench.work_out(&source, &present, vary, instruction_set);
-                filled.count(&present, &bench.filtered);
+                bench.work_out(&source, instruction_set);
+                filled.count(&bench.features);
                 for (row, target) in rows.iter().enumerate() {
                     // A thread that panicked takes the run down with it; the rows are of no use then.
                     let mut target = target.lock().unwrap_or_else(PoisonError::into_inner);
@@ -127,9 +122,6 @@ impl PreparedRows {
     }
 }
 
-/// Whether something holds, of each feature.
-type PerFeature = [bool; Feature::ALL.len()];
-
 /// What filling rows took, in blocks of features.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Filled {
@@ -139,10 +131,10 @@ pub(crate) struct Filled {
 }
 
 impl Filled {
-    fn count(&mut self, present: &PerFeature, filtered: &PerFeature) {
-        for (present, filtered) in present.iter().zip(filtered) {
-            self.feature_blocks += u64::from(*present);
-            self.skipped += u64::from(*present && !filtered);
+    fn count(&mut self, features: &[FeatureBench]) {
+        for feature in features {
+            self.feature_blocks += 1;
+            self.skipped += u64::from(!feature.filtered);
         }
     }
 
@@ -157,78 +149,45 @@ impl Filled {
 /// Where a thread works out blocks, one after the other.
 pub(crate) struct BlockBench {
     colours: ColourBlock,
-    triple: FeatureGroup<3>,
-    single: FeatureGroup<1>,
     prepared: WeightBlock,
-    results: [Filtered; Feature::ALL.len()],
-    smoothed: [Filtered; Feature::ALL.len()],
-    /// Which features had noise; the others' results are not there.
-    filtered: PerFeature,
-}
-
-/// A feature in one channel or three.
-#[expect(
-    clippy::large_enum_variant,
-    reason = "there is one for each feature: 14 KiB of a thread that a depth does not fill"
-)]
-enum Filtered {
-    One(FilteredGroup<1>),
-    Three(FilteredGroup<3>),
-}
-
-impl Filtered {
-    fn new(feature: Feature) -> Self {
-        match feature.channels() {
-            [_] => Self::One(FilteredGroup::ZERO),
-            _ => Self::Three(FilteredGroup::ZERO),
-        }
-    }
-
-    /// Values and variances of its channels.
-    fn planes(&self) -> (&[BlockPlane], &[BlockPlane]) {
-        match self {
-            Self::One(group) => (&group.value, &group.variance),
-            Self::Three(group) => (&group.value, &group.variance),
-        }
-    }
+    features: Vec<FeatureBench>,
+    vary: bool,
 }
 
 impl BlockBench {
-    pub(crate) fn new() -> Box<Self> {
+    /// A bench for the features of an image; with smoothed ones, too, if models are to `vary` in what they see.
+    pub(crate) fn new(layout: &RowLayout, vary: bool) -> Box<Self> {
+        let present = layout.groups().filter(|range| layout.features[range.start]);
         Box::new(Self {
             colours: ColourBlock::BLACK,
-            triple: FeatureGroup::ZERO,
-            single: FeatureGroup::ZERO,
             prepared: WeightBlock::EMPTY,
-            results: Feature::ALL.map(Filtered::new),
-            smoothed: Feature::ALL.map(Filtered::new),
-            filtered: [false; Feature::ALL.len()],
+            features: present.map(FeatureBench::new).collect(),
+            vary,
         })
     }
 
-    fn work_out(
-        &mut self,
-        source: &Source,
-        present: &PerFeature,
-        vary: bool,
-        instruction_set: InstructionSet,
-    ) {
+    /// Bytes of a bench.
+    pub(crate) fn bytes(layout: &RowLayout) -> u64 {
+        let present = layout.groups().filter(|range| layout.features[range.start]);
+        let features = present.map(|range| FeatureBench::bytes(range.len()));
+        (size_of::<Self>() + features.sum::<usize>()) as u64
+    }
+
+    fn work_out(&mut self, source: &Source, instruction_set: InstructionSet) {
         source.load_colours(&mut self.colours);
         instruction_set.weigh_samples(&self.colours, &mut self.prepared);
-        for (place, feature) in Feature::ALL.into_iter().enumerate() {
-            let channels = feature.range();
-            self.filtered[place] = present[place]
-                && source.is_noisy(&channels)
-                && match (&mut self.results[place], &mut self.smoothed[place]) {
-                    (Filtered::One(result), Filtered::One(smoothed)) => {
-                        source.load_features(&channels, &mut self.single);
-                        instruction_set.prefilter(&self.single, result, vary.then_some(smoothed))
+        for feature in &mut self.features {
+            feature.filtered = source.is_noisy(&feature.range)
+                && match &mut feature.channels {
+                    Channels::One(one) => {
+                        one.filter(&feature.range, source, self.vary, instruction_set)
                     }
-                    (Filtered::Three(result), Filtered::Three(smoothed)) => {
-                        source.load_features(&channels, &mut self.triple);
-                        instruction_set.prefilter(&self.triple, result, vary.then_some(smoothed))
+                    Channels::Two(two) => {
+                        two.filter(&feature.range, source, self.vary, instruction_set)
                     }
-                    _ => unreachable!("both were made for the same feature"),
+                    Channels::Three(three) => {
+                        three.filter(&feature.range, source, self.vary, instruction_set)
+                    }
                 };
         }
     }
@@ -243,28 +202,28 @@ impl BlockBench {
         store(&mut target.variance, &self.prepared.variance);
         store(&mut target.tolerance, &self.prepared.tolerance);
         let y = source.y + row as isize;
-        let sets = [
-            (
-                &self.results,
-                &mut target.features,
-                &mut target.feature_variances,
-            ),
-            (
-                &self.smoothed,
-                &mut target.smoothed,
-                &mut target.smoothed_variances,
-            ),
-        ];
-        for (results, own, own_variances) in sets {
-            let results = results.iter().zip(self.filtered);
-            for (feature, (result, filtered)) in Feature::ALL.into_iter().zip(results) {
-                let (values, variances) = result.planes();
-                for (k, (value, variance)) in feature.range().zip(values.iter().zip(variances)) {
+        for feature in &self.features {
+            let [filtered, smoothed] = feature.results();
+            let sets = [
+                (
+                    filtered,
+                    &mut target.features,
+                    &mut target.feature_variances,
+                ),
+                (
+                    smoothed,
+                    &mut target.smoothed,
+                    &mut target.smoothed_variances,
+                ),
+            ];
+            for ((values, variances), own, own_variances) in sets {
+                let planes = values.iter().zip(variances);
+                for (k, (value, variance)) in feature.range.clone().zip(planes) {
                     let (own, own_variance) = (&mut own[k], &mut own_variances[k]);
                     if own.is_empty() {
                         continue;
                     }
-                    if filtered {
+                    if feature.filtered {
                         store(own, value);
                         store(own_variance, variance);
                     } else {
@@ -275,6 +234,89 @@ impl BlockBench {
                 }
             }
         }
+    }
+}
+
+/// Where a feature is filtered.
+struct FeatureBench {
+    /// Its channels among those of all features.
+    range: Range<usize>,
+    channels: Channels,
+    /// Whether it had noise in the block; the results are not there otherwise.
+    filtered: bool,
+}
+
+/// A feature in one channel to three.
+enum Channels {
+    One(Box<Filter<1>>),
+    Two(Box<Filter<2>>),
+    Three(Box<Filter<3>>),
+}
+
+impl FeatureBench {
+    fn new(range: Range<usize>) -> Self {
+        Self {
+            channels: match range.len() {
+                1 => Channels::One(Filter::new()),
+                2 => Channels::Two(Filter::new()),
+                _ => Channels::Three(Filter::new()),
+            },
+            range,
+            filtered: false,
+        }
+    }
+
+    /// Bytes of one for so many channels.
+    fn bytes(channels: usize) -> usize {
+        let filter = match channels {
+            1 => size_of::<Filter<1>>(),
+            2 => size_of::<Filter<2>>(),
+            _ => size_of::<Filter<3>>(),
+        };
+        size_of::<Self>() + filter
+    }
+
+    /// Values and variances of its channels, filtered and smoothed.
+    fn results(&self) -> [(&[BlockPlane], &[BlockPlane]); 2] {
+        match &self.channels {
+            Channels::One(one) => one.results(),
+            Channels::Two(two) => two.results(),
+            Channels::Three(three) => three.results(),
+        }
+    }
+}
+
+/// A block of a feature and what becomes of it.
+struct Filter<const N: usize> {
+    input: FeatureGroup<N>,
+    result: FilteredGroup<N>,
+    smoothed: FilteredGroup<N>,
+}
+
+impl<const N: usize> Filter<N> {
+    fn new() -> Box<Self> {
+        Box::new(Self {
+            input: FeatureGroup::ZERO,
+            result: FilteredGroup::ZERO,
+            smoothed: FilteredGroup::ZERO,
+        })
+    }
+
+    /// Filters a block; whether it has noise.
+    fn filter(
+        &mut self,
+        channels: &Range<usize>,
+        source: &Source,
+        vary: bool,
+        instruction_set: InstructionSet,
+    ) -> bool {
+        source.load_features(channels, &mut self.input);
+        let smoothed = vary.then_some(&mut self.smoothed);
+        instruction_set.prefilter(&self.input, &mut self.result, smoothed)
+    }
+
+    fn results(&self) -> [(&[BlockPlane], &[BlockPlane]); 2] {
+        [&self.result, &self.smoothed].map(|group| (&group.value[..], &group.variance[..]))
     }
 }
 

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use linpred_core::{
     CELL, Cells, FeatureSet, Formulas, LayerTile, OtherFeatures, Params, Predictions, SETS,
-    Scratch, TILE_FEATURES, Tile,
+    Scratch, TILE_FEATURES, Tile, WIDE_TILE_FEATURES,
 };
 use rayon::prelude::*;
 
@@ -17,9 +17,17 @@ use crate::stream::sum_rows::{Adding, SumRows};
 
 /// Where rows of cells are denoised, one after the other.
 pub(crate) struct CellBenches {
-    benches: Vec<Bench>,
+    benches: Benches,
     /// Columns of cells.
     columns: usize,
+}
+
+/// A bench for each thread, as wide as the image's features ask for.
+enum Benches {
+    /// For the features that are known by their names: tiles that have no room for more take half the memory and less time.
+    Known(Vec<Bench<TILE_FEATURES>>),
+    /// For further ones, too.
+    Wide(Vec<Bench<WIDE_TILE_FEATURES>>),
 }
 
 /// What a row of cells took.
@@ -35,17 +43,23 @@ pub(crate) struct Predicted {
 impl CellBenches {
     /// A bench for each thread; models may `vary` in what they see.
     pub(crate) fn new(layout: &RowLayout, threads: NonZeroUsize, vary: bool) -> Self {
+        let (layers, threads) = (layout.followers(), 0..threads.get());
         Self {
-            benches: (0..threads.get())
-                .map(|_| Bench::new(layout.followers(), vary))
-                .collect(),
+            benches: match layout.is_wide() {
+                false => Benches::Known(threads.map(|_| Bench::new(layers, vary)).collect()),
+                true => Benches::Wide(threads.map(|_| Bench::new(layers, vary)).collect()),
+            },
             columns: layout.size.width().div_ceil(CELL),
         }
     }
 
     /// Bytes of the benches for `threads` threads.
     pub(crate) fn bytes(layout: &RowLayout, threads: u64, vary: bool) -> u64 {
-        threads.saturating_mul(Bench::bytes(layout.followers(), vary) as u64)
+        let bytes = match layout.is_wide() {
+            false => Bench::<TILE_FEATURES>::bytes(layout.followers(), vary),
+            true => Bench::<WIDE_TILE_FEATURES>::bytes(layout.followers(), vary),
+        };
+        threads.saturating_mul(bytes as u64)
     }
 
     /// Denoises a row of cells and adds their predictions to `sums`; counts what that took.
@@ -65,16 +79,14 @@ impl CellBenches {
             skipped: AtomicU64::new(0),
             sums: sums.adding(),
         };
-        let times = self.benches.par_iter_mut().map(|bench| {
-            let mut share = Share {
-                row: &row,
-                lanes: &mut bench.lanes,
-            };
-            let started = Instant::now();
-            instruction_set.denoise_cells(&mut share, params, &mut bench.scratch);
-            started.elapsed()
-        });
-        let time = times.sum();
+        let time = match &mut self.benches {
+            Benches::Known(benches) => row.share_out(benches, |share, scratch| {
+                instruction_set.denoise_cells(share, params, scratch);
+            }),
+            Benches::Wide(benches) => row.share_out(benches, |share, scratch| {
+                instruction_set.denoise_wide_cells(share, params, scratch);
+            }),
+        };
         Predicted {
             models: row.models.into_inner(),
             cells: self.columns as u64,
@@ -85,24 +97,24 @@ impl CellBenches {
 }
 
 /// Cells that a thread works on side by side, and its working memory.
-struct Bench {
-    lanes: Vec<Lane>,
-    scratch: Box<Scratch<TILE_FEATURES, LANES>>,
+struct Bench<const D: usize> {
+    lanes: Vec<Lane<D>>,
+    scratch: Box<Scratch<D, LANES>>,
 }
 
 /// A cell in work.
-struct Lane {
+struct Lane<const D: usize> {
     column: usize,
-    tile: Tile<TILE_FEATURES>,
+    tile: Tile<D>,
     /// Other features, where models vary in what they see.
-    otherwise: Option<Box<OtherFeatures<TILE_FEATURES>>>,
+    otherwise: Option<Box<OtherFeatures<D>>>,
     /// Whether they are those of the tile.
     differs: bool,
     predictions: Predictions,
     layers: Vec<LayerTile>,
 }
 
-impl Bench {
+impl<const D: usize> Bench<D> {
     fn new(layers: usize, vary: bool) -> Self {
         let lane = || Lane {
             column: 0,
@@ -119,9 +131,9 @@ impl Bench {
     }
 
     fn bytes(layers: usize, vary: bool) -> usize {
-        let otherwise = usize::from(vary) * size_of::<OtherFeatures<TILE_FEATURES>>();
-        let lane = size_of::<Lane>() + otherwise + layers * size_of::<LayerTile>();
-        LANES * lane + size_of::<Scratch<TILE_FEATURES, LANES>>()
+        let otherwise = usize::from(vary) * size_of::<OtherFeatures<D>>();
+        let lane = size_of::<Lane<D>>() + otherwise + layers * size_of::<LayerTile>();
+        LANES * lane + size_of::<Scratch<D, LANES>>()
     }
 }
 
@@ -137,13 +149,33 @@ struct RowOfCells<'a> {
     sums: Adding<'a>,
 }
 
-/// What a thread sees of it.
-struct Share<'a, 'b> {
-    row: &'a RowOfCells<'b>,
-    lanes: &'a mut [Lane],
+impl RowOfCells<'_> {
+    /// Has its cells denoised, each thread at a bench of its own, and returns how long all of them took together.
+    fn share_out<const D: usize>(
+        &self,
+        benches: &mut [Bench<D>],
+        denoise: impl Fn(&mut Share<'_, '_, D>, &mut Scratch<D, LANES>) + Sync,
+    ) -> Duration {
+        let times = benches.par_iter_mut().map(|bench| {
+            let mut share = Share {
+                row: self,
+                lanes: &mut bench.lanes,
+            };
+            let started = Instant::now();
+            denoise(&mut share, &mut bench.scratch);
+            started.elapsed()
+        });
+        times.sum()
+    }
 }
 
-impl Cells<TILE_FEATURES> for Share<'_, '_> {
+/// What a thread sees of it.
+struct Share<'a, 'b, const D: usize> {
+    row: &'a RowOfCells<'b>,
+    lanes: &'a mut [Lane<D>],
+}
+
+impl<const D: usize> Cells<D> for Share<'_, '_, D> {
     fn next(&mut self, lane: usize) -> bool {
         let column = loop {
             let column = self.row.next.fetch_add(1, Ordering::Relaxed);
@@ -168,11 +200,11 @@ impl Cells<TILE_FEATURES> for Share<'_, '_> {
         true
     }
 
-    fn tile(&self, lane: usize) -> &Tile<TILE_FEATURES> {
+    fn tile(&self, lane: usize) -> &Tile<D> {
         &self.lanes[lane].tile
     }
 
-    fn otherwise(&self, lane: usize) -> Option<&OtherFeatures<TILE_FEATURES>> {
+    fn otherwise(&self, lane: usize) -> Option<&OtherFeatures<D>> {
         let lane = &self.lanes[lane];
         lane.otherwise.as_deref().filter(|_| lane.differs)
     }

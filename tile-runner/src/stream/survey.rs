@@ -4,7 +4,7 @@ use std::fmt;
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
-use linpred_core::{CELL, FEATURE_NAMES, FEATURES, Formulas, Params, PixelState};
+use linpred_core::{CELL, FEATURE_NAMES, Formulas, MAX_FEATURES, Params, PixelState};
 
 use crate::error::Error;
 use crate::row::{RowLayout, RowSource};
@@ -32,7 +32,7 @@ pub struct Survey {
     /// Whether red, green and blue are equal at every pixel.
     pub grey: bool,
     /// Features that are the same at every pixel: they tell a run nothing.
-    pub constant_features: Vec<&'static str>,
+    pub constant_features: Vec<String>,
     /// Pixels where some feature is NaN or infinite, and filled in from its neighbours.
     pub features_missing: u64,
 }
@@ -77,7 +77,7 @@ struct Findings {
     radiance: Extremes,
     variance: Extremes,
     coloured: bool,
-    features: [Extremes; FEATURES],
+    features: [Extremes; MAX_FEATURES],
     features_missing: u64,
 }
 
@@ -94,7 +94,7 @@ impl Findings {
             radiance: Extremes::EMPTY,
             variance: Extremes::EMPTY,
             coloured: false,
-            features: [Extremes::EMPTY; FEATURES],
+            features: [Extremes::EMPTY; MAX_FEATURES],
             features_missing: 0,
         }
     }
@@ -157,13 +157,23 @@ impl Findings {
             radiance: self.radiance.ends(),
             variance: self.variance.ends(),
             grey: !self.coloured,
-            constant_features: (0..FEATURES)
-                .filter(constant)
-                .map(|k| FEATURE_NAMES[k])
-                .collect(),
+            constant_features: (0..MAX_FEATURES).filter(constant).map(name).collect(),
             features_missing: self.features_missing,
         }
     }
+}
+
+/// What channel `k` of the features is called; of the further ones only their number is known here.
+fn name(k: usize) -> String {
+    match FEATURE_NAMES.get(k) {
+        Some(name) => (*name).to_owned(),
+        None => further_name(k - FEATURE_NAMES.len()),
+    }
+}
+
+/// What channel `n` of the further features is called where nobody knows its name.
+pub(crate) fn further_name(n: usize) -> String {
+    format!("further {}", n + 1)
 }
 
 /// From the smallest to the largest of some numbers.

@@ -1,6 +1,6 @@
 //! The planes of a row that are averaged over frames, as the core wants them.
 
-use linpred_core::{Averaged, FEATURES, Feature, FrameRow};
+use linpred_core::{Averaged, FEATURES, Feature, FrameRow, MAX_FEATURES};
 
 use crate::error::Error;
 use crate::row::{InputRow, RowLayout, RowSource, VarianceKind};
@@ -13,8 +13,9 @@ use crate::temporal::track::Track;
 const COLOUR: usize = 0;
 const VARIANCE: usize = 3;
 const FEATURE: usize = 6;
-const FEATURE_VARIANCE: usize = FEATURE + FEATURES;
-const LAYERS: usize = FEATURE_VARIANCE + FEATURES;
+const FURTHER: usize = FEATURE + FEATURES;
+const FEATURE_VARIANCE: usize = FEATURE + MAX_FEATURES;
+const LAYERS: usize = FEATURE_VARIANCE + MAX_FEATURES;
 
 /// The planes of a row of input in that order.
 fn averaged(row: &InputRow) -> impl Iterator<Item = &Vec<f32>> {
@@ -49,8 +50,7 @@ pub(super) struct Planes {
 impl Planes {
     /// How many there are.
     pub(super) fn count(layout: &RowLayout) -> usize {
-        let features = layout.features.iter().filter(|present| **present).count();
-        7 + 2 * features + 3 * layout.layers + usize::from(layout.alpha)
+        7 + 2 * layout.feature_channels() + 3 * layout.layers + usize::from(layout.alpha)
     }
 
     pub(super) fn new(layout: &RowLayout) -> Self {
@@ -160,12 +160,19 @@ impl Planes {
                 continue;
             }
             let is_depth = Self::depth_power(place) == 1;
+            let is_further = (FURTHER..FEATURE_VARIANCE).contains(&place);
             let pixels = plane.image_mut().iter_mut().zip(own.planes[place].image());
             for ((value, own), known) in pixels.zip(&mut *known) {
                 if is_depth && is_sky(*value) != is_sky(*own) {
                     *known = 0.0;
                 }
-                *value = if value.is_finite() { *value } else { *own };
+                // a position in the world is endless beyond the scene, and averages with none
+                let endless = is_further && (is_sky(*value) || is_sky(*own));
+                *value = if value.is_finite() && !endless {
+                    *value
+                } else {
+                    *own
+                };
             }
         }
     }

@@ -244,6 +244,54 @@ fn memory_that_a_run_may_not_take() {
 }
 
 #[test]
+fn further_features_that_are_none() {
+    let host = Host::new();
+    for (further, further_with_variance, told) in [
+        (
+            [3, 3, 1, 0, 0, 0],
+            0,
+            "further features of 7 channels: there is room for 6",
+        ),
+        (
+            [4, 0, 0, 0, 0, 0],
+            0,
+            "a feature of 4 channels: one has 1 to 3",
+        ),
+        ([1, 0, 1, 0, 0, 0], 0, "behind one of 0 channels"),
+        (
+            [1, 1, 0, 0, 0, 0],
+            4,
+            "further_with_variance is 4, but further has 2 features",
+        ),
+    ] {
+        let refused = linpred_layout {
+            further,
+            further_with_variance,
+            ..layout()
+        };
+        host.start_rows(&refused)
+            .fails(LINPRED_ERROR_ARGUMENT, told);
+    }
+    let (colour, depth) = (pixels(1, 3), pixels(2, 1));
+    let mut clean = pixels(3, 3);
+    host.image("colour", &colour, FLOAT3).ok();
+    host.output("colour", &mut clean, FLOAT3).ok();
+    host.image("feature_variance.a", &depth, FLOAT).ok();
+    host.execute()
+        .fails(LINPRED_ERROR_ARGUMENT, "no \"feature.a\"");
+    host.image("feature.a", &colour, FLOAT3).ok();
+    host.execute().fails(
+        LINPRED_ERROR_ARGUMENT,
+        "variance of the a: 1 channels, not 3",
+    );
+    host.image("feature.a", &depth, FLOAT).ok();
+    host.execute().ok();
+    host.image("feature.depth", &depth, FLOAT).ok();
+    host.execute()
+        .fails(LINPRED_ERROR_ARGUMENT, "depth is a feature that is known");
+}
+
+#[test]
 fn calls_out_of_turn() {
     let host = Host::new();
     host.next_told().fails(

@@ -36,11 +36,12 @@ pub(crate) fn options() -> linpred_file_options {
         error_layer: 0,
         models_layer: 0,
         samples_per_pixel: 0,
-        reserved: 0,
+        feature_count: 0,
         before: null(),
         after: null(),
         before_count: 0,
         after_count: 0,
+        features: null(),
     }
 }
 
@@ -313,4 +314,47 @@ fn a_stop_holds_even_at_the_last_row() {
         assert_eq!(status, LINPRED_ERROR_CANCELLED);
         assert!(!clean.exists());
     }
+}
+
+#[test]
+fn a_feature_by_its_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    write_noise(&path("noisy.exr"));
+    let host = Host::new();
+    let with = |names: &[&CString]| {
+        let features: Vec<*const c_char> = names.iter().map(|name| name.as_ptr()).collect();
+        let options = linpred_file_options {
+            features: features.as_ptr(),
+            feature_count: features.len() as u32,
+            ..options()
+        };
+        denoise(
+            &host,
+            &path("noisy.exr"),
+            &path("clean.exr"),
+            &raw const options,
+        )
+    };
+    let unknown = c"nothing".to_owned();
+    assert_eq!(with(&[&unknown]), LINPRED_ERROR_ARGUMENT);
+    assert!(
+        message(&host).contains("feature nothing: "),
+        "{}",
+        message(&host)
+    );
+    let auto = c"auto".to_owned();
+    assert_eq!(with(&[&auto]), LINPRED_OK, "{}", message(&host));
+    let missing = linpred_file_options {
+        feature_count: 2,
+        ..options()
+    };
+    let status = denoise(
+        &host,
+        &path("noisy.exr"),
+        &path("clean.exr"),
+        &raw const missing,
+    );
+    assert_eq!(status, LINPRED_ERROR_ARGUMENT);
+    assert!(message(&host).contains("features is NULL, and feature_count is 2"));
 }

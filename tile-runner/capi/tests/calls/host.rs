@@ -308,7 +308,8 @@ pub(crate) fn layout() -> linpred_layout {
         alpha: 0,
         layers: 0,
         scalars: 0,
-        reserved: 0,
+        further_with_variance: 0,
+        further: [0; 6],
     }
 }
 

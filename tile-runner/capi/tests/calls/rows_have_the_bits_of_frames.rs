@@ -12,8 +12,9 @@ use crate::host::{
 
 /// What rows are made of and what becomes of them.
 struct Rows {
-    /// Pixels of colour, variance, albedo, two layers, of three numbers; depth, its variance, alpha, a scalar, of one.
-    images: [Vec<f32>; 9],
+    /// Pixels of colour, variance, albedo, two layers, of three numbers; depth, its variance, alpha, a scalar, of one; a further feature of three and another of one
+    /// with its variance.
+    images: [Vec<f32>; 12],
     /// Colour, error, layers, alpha, scalar of the denoised rows.
     denoised: Vec<Vec<f32>>,
     /// The row at which a function fails.
@@ -21,11 +22,12 @@ struct Rows {
 }
 
 fn rows() -> Rows {
-    let numbers = [3, 3, 3, 3, 3, 1, 1, 1, 1];
-    let mut images: [Vec<f32>; 9] = std::array::from_fn(|n| pixels(n + 1, numbers[n]));
+    let numbers = [3, 3, 3, 3, 3, 1, 1, 1, 1, 3, 1, 1];
+    let mut images: [Vec<f32>; 12] = std::array::from_fn(|n| pixels(n + 1, numbers[n]));
     // not known
     images[1][100] = -1.0;
     images[6][200] = -1.0;
+    images[11][300] = -1.0;
     Rows {
         images,
         denoised: vec![Vec::new(); 5],
@@ -41,6 +43,8 @@ fn full_layout() -> linpred_layout {
         alpha: 1,
         layers: 2,
         scalars: 1,
+        further: [3, 1, 0, 0, 0, 0],
+        further_with_variance: 0b10,
         ..layout()
     }
 }
@@ -60,6 +64,12 @@ unsafe extern "C" fn read_row(user: *mut c_void, row: *const linpred_input_row) 
     assert!(absent.into_iter().all(|plane| plane.is_null()));
     // SAFETY: as the layout says
     let (layers, scalar) = unsafe { (std::slice::from_raw_parts(row.layers, 6), *row.scalars) };
+    // SAFETY: as the layout says
+    let (further, noise) = unsafe {
+        let noise = std::slice::from_raw_parts(row.further_variance, 4);
+        (std::slice::from_raw_parts(row.further, 4), noise)
+    };
+    assert!(noise[..3].iter().all(|plane| plane.is_null()));
     let planes = row
         .colour
         .iter()
@@ -67,6 +77,7 @@ unsafe extern "C" fn read_row(user: *mut c_void, row: *const linpred_input_row) 
         .chain(&row.albedo)
         .chain(layers);
     let planes = planes.chain([&row.depth, &row.depth_variance, &row.alpha, &scalar]);
+    let planes = planes.chain(further).chain(&noise[3..]);
     let sources = rows.images.iter().flat_map(|image| {
         let numbers = image.len() / (WIDTH * HEIGHT);
         (0..numbers).map(move |channel| {
@@ -129,6 +140,9 @@ fn of_images() -> Vec<Vec<f32>> {
         "depth_variance",
         "alpha",
         "scalar.s",
+        "feature.position",
+        "feature.rough",
+        "feature_variance.rough",
     ];
     for (name, image) in inputs.iter().zip(&rows.images) {
         let format = if image.len() == WIDTH * HEIGHT {

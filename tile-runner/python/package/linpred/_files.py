@@ -90,6 +90,7 @@ def denoise_file(
     spp: int | None = None,
     other_half: Path | None = None,
     layers: Iterable[str] = (),
+    features: str | Iterable[str] = (),
     wrap: str = "auto",
     error_layer: bool = False,
     models_layer: bool = False,
@@ -115,6 +116,8 @@ def denoise_file(
         spp: Samples per pixel, where the file does not state them, or states them wrongly.
         other_half: The image from the other half of the samples: the two are averaged, their difference gives the variance.
         layers: More layers to denoise, ``["diffuse", "light_*"]``, with the models of the colour, so that they still sum up.
+        features: Features beside normal, albedo and depth that light may follow: layers or channels, ``["P", "roughness"]``, ``"P:X,Z"`` for some channels of a layer,
+            ``"P=PVariance"`` where its variance has a name of its own; 1 to 3 channels each, 6 in all. ``"auto"``: those that the renderer is known to write.
         wrap: Whether windows wrap around the left and right ends, as in a panorama: ``"auto"``, ``"x"`` or ``"none"``.
         error_layer: Adds the channel ``linpred.error``, the estimated mean squared error of each pixel.
         models_layer: Adds ``linpred.radius`` and ``linpred.rank``, and with ``temporal`` ``linpred.frames``.
@@ -143,7 +146,7 @@ def denoise_file(
         InputWarning: Something about the file is not as it should be; before anything is written. Made an error by a filter, it is the frame's failure. A frame that should
             help and turns out on the way to be damaged is warned of once the file is written without it.
     """
-    read = reading(input, preset, map, spp, other_half, layers, wrap, max_memory)
+    read = reading(input, preset, map, features, spp, other_half, layers, wrap, max_memory)
     write = writing(output, error_layer, models_layer, band)
     compute = computing(quality, coverage, formulas, threads)
     skip = flag("skip_existing", skip_existing)
@@ -271,6 +274,7 @@ def plan(
     spp: int | None = None,
     other_half: Path | None = None,
     layers: Iterable[str] = (),
+    features: str | Iterable[str] = (),
     wrap: str = "auto",
     error_layer: bool = False,
     models_layer: bool = False,
@@ -282,7 +286,7 @@ def plan(
     band: str | None = None,
 ) -> Plan:
     """How :func:`denoise_file` would denoise a file, or the first frame of a sequence, from its header alone: what ``--dry-run`` prints. Raises what it would raise before it begins."""
-    read = reading(input, preset, map, spp, other_half, layers, wrap, max_memory)
+    read = reading(input, preset, map, features, spp, other_half, layers, wrap, max_memory)
     far, sides = reach(temporal), (paths("before", before), paths("after", after))
     frames = _linpred.frames(read, None, None, far)
     _check_sides(far, sides, frames is None)
@@ -302,6 +306,7 @@ def inspect(
     spp: int | None = None,
     other_half: Path | None = None,
     layers: Iterable[str] = (),
+    features: str | Iterable[str] = (),
     wrap: str = "auto",
     pixels: bool = False,
     threads: int | None = None,
@@ -316,7 +321,7 @@ def inspect(
     >>> [role["role"] for role in found["roles"]][:3], found["problem"]
     (['colour', 'albedo', 'normal'], None)
     """
-    read = reading(path, preset, map, spp, other_half, layers, wrap, max_memory)
+    read = reading(path, preset, map, features, spp, other_half, layers, wrap, max_memory)
     found: dict[str, Any] = json.loads(_linpred.inspect(read, flag("pixels", pixels), whole_or_none("threads", threads)))
     return found
 
@@ -397,7 +402,7 @@ def merge(
         InputWarning: Something about a pass is not as it should be; pixels that are not finite took no part.
     """
     paths = _paths("passes", passes)
-    read = reading("", preset, map, spp, None, (), "auto", max_memory)
+    read = reading("", preset, map, (), spp, None, (), "auto", max_memory)
     _linpred.merge(paths, read, as_path("output", output), _warn_here, as_function(progress))
 
 

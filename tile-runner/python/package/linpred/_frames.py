@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     Plane = Tuple[str, str, NDArray[Any]]
 
 FEATURES = {"normal": 3, "albedo": 3, "depth": 1}
-"""The features that there are, and their channels."""
+"""The features that are known by their names, and their channels."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Report:
         estimated: Pixels of an image with variances that had none: theirs was estimated from the picture.
         cells: Cells of 19 x 19 pixels.
         cells_skipped: Of those, the ones without noise.
-        feature_blocks: Blocks of features: a normal, an albedo or a depth each.
+        feature_blocks: Blocks of features: a normal, an albedo, a depth or another one each.
         feature_blocks_skipped: Of those, the ones with no noise in reach.
         models: Models that were built.
         fitting_seconds: Time that threads spent on cells, added up over the threads.
@@ -131,8 +131,9 @@ def denoise(
         normal: Normals of the surfaces, (height, width, 3), in any space.
         depth: Distance from the camera, (height, width) or (height, width, 1); infinite, 0 or 1e10 where there is nothing.
         albedo_variance: Variance of the means of ``albedo``, of its shape; estimated if it is not given. ``normal_variance`` and ``depth_variance`` likewise.
-        features: Other features by name, each an array or a pair (array, variance). This version knows ``albedo``, ``normal`` and ``depth``, here or by
-            their own arguments.
+        features: Features by name, each an array or a pair (array, variance). What is not called ``albedo``, ``normal`` or ``depth`` is whatever else light may follow:
+            positions in the world, roughness, second normals, what another denoiser made; of one to three channels each, (height, width) or (height, width, 1 to 3), six
+            in all. Where it is not finite it is filled in from its neighbours; infinite, or 1e9 and more, is where there is nothing.
         alpha: Alpha, 0 to 1, (height, width); ``colour`` is premultiplied.
         layers: More layers of light by name, (height, width, 3) each, denoised with the models of ``colour``, so that they still sum up.
         scalars: Channels that are no light (depths, masks, motion) by name, (height, width) each, denoised likewise.
@@ -307,9 +308,7 @@ def _features(given: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
     """The features that there are, in their own order, each with its variance or None, from either place where they may be given."""
     found = {name: (given[name], given[f"{name}_variance"]) for name in FEATURES}
     for name, feature in mapping("features", given["features"]).items():
-        if name not in FEATURES:
-            raise ValueError(f"features: {name!r} is none that this version knows: {', '.join(FEATURES)}")
-        own, variance = found[name]
+        own, variance = found.get(name, (None, None))
         if own is not None:
             raise ValueError(f"{name} is given twice: as an argument and in features")
         if isinstance(feature, tuple):
@@ -320,6 +319,8 @@ def _features(given: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
     for name, (feature, variance) in found.items():
         if feature is None and variance is not None:
             raise ValueError(f"{name}_variance is given without {name}")
+        if feature is None and name not in FEATURES:
+            raise TypeError(f"features[{name!r}]: None is no array")
     return {name: pair for name, pair in found.items() if pair[0] is not None}
 
 
@@ -331,7 +332,7 @@ def planes_of(given: Mapping[str, Any], dimensions: int) -> list[Plane]:
     colour = _array("colour", given["colour"], 3, dimensions, None)
     size = colour.shape[:2]
 
-    def plane(name: str, value: ArrayLike, channels: int) -> NDArray[Any]:
+    def plane(name: str, value: ArrayLike, channels: int | None) -> NDArray[Any]:
         return _array(name, value, channels, dimensions, size)
 
     planes: list[Plane] = [("colour", "", colour)]
@@ -343,10 +344,13 @@ def planes_of(given: Mapping[str, Any], dimensions: int) -> list[Plane]:
         for role, half in zip(("half_a", "half_b"), given["halves"]):
             planes.append((role, "", plane("halves", half, 3)))
     for name, (feature, variance) in features.items():
-        planes.append((name, "", plane(name, feature, FEATURES[name])))
+        known = name in FEATURES
+        role, own = (name, "") if known else ("feature", name)
+        array = plane(name if known else f"features[{name!r}]", feature, FEATURES.get(name))
+        planes.append((role, own, array))
         if variance is not None:
-            role = f"{name}_variance"
-            planes.append((role, "", plane(role, variance, FEATURES[name])))
+            label = f"{name}_variance" if known else f"variance of features[{name!r}]"
+            planes.append((f"{role}_variance", own, plane(label, variance, array.shape[-1])))
     if given["alpha"] is not None:
         planes.append(("alpha", "", plane("alpha", given["alpha"], 1)))
     for name, layer in mapping("layers", given["layers"]).items():
@@ -368,9 +372,9 @@ def samples_plane(samples: ArrayLike, size: tuple[int, ...]) -> Plane:
 
 
 def _array(
-    name: str, value: ArrayLike, channels: int, dimensions: int, size: tuple[int, ...] | None
+    name: str, value: ArrayLike, channels: int | None, dimensions: int, size: tuple[int, ...] | None
 ) -> NDArray[Any]:
-    """The value as an array of (rows, columns, channels) that can be read where it lies; ``dimensions`` of rows and columns are given."""
+    """The value as an array of (rows, columns, channels), any number of them for None, that can be read where it lies; ``dimensions`` of rows and columns are given."""
     if value is None:
         raise TypeError(f"{name}: None is no array")
     try:
@@ -381,10 +385,12 @@ def _array(
         raise TypeError(f"{name}: dtype {array.dtype}, but it is float16, float32 or float64, as linear radiance is")
     sides = ("height", "width")[-dimensions:]
     shape = array.shape
-    if channels == 1 and array.ndim == dimensions:
+    if channels in (1, None) and array.ndim == dimensions:
         array = array[..., np.newaxis]
+    if channels is None and array.ndim == dimensions + 1:
+        channels = array.shape[-1]
     if array.ndim != dimensions + 1 or array.shape[-1] != channels:
-        wanted = ", ".join((*sides, str(channels)) if channels > 1 else sides)
+        wanted = ", ".join(sides if channels == 1 else (*sides, str(channels or "channels")))
         hint = "; alpha has an argument of its own" if name == "colour" and shape[-1:] == (4,) else ""
         raise ValueError(f"{name}: shape {shape}, but it is ({wanted}){hint}")
     if dimensions == 1:

@@ -138,6 +138,7 @@ def sample_map_file(
     map: Mapping[str, str] | None = None,
     spp: int | None = None,
     other_half: Path | None = None,
+    features: str | Iterable[str] = (),
     wrap: str = "auto",
     threads: int | None = None,
     max_memory: int | str | None = None,
@@ -150,13 +151,13 @@ def sample_map_file(
         output: The map. It appears whole or not at all.
         budget, target_error: As for :func:`sample_map`.
         quality, coverage, formulas: How the file is denoised to see where it is wrong.
-        preset, map, spp, other_half, wrap, threads, max_memory: As for :func:`linpred.denoise_file`.
+        preset, map, spp, other_half, features, wrap, threads, max_memory: As for :func:`linpred.denoise_file`.
         progress: A function of (rows done, rows in all: the image's, or with a variance twice as many), or a ``tqdm`` bar.
 
     Raises and warns as :func:`linpred.denoise_file`.
     """
     no_layers: Iterable[str] = ()
-    read = reading(noisy, preset, map, spp, other_half, no_layers, wrap, max_memory)
+    read = reading(noisy, preset, map, features, spp, other_half, no_layers, wrap, max_memory)
     compute = computing(quality, coverage, formulas, threads)
     to = as_path("output", output)
     report = _linpred.sample_map_file(read, to, _wanted(budget, target_error), compute, warn, as_function(progress))

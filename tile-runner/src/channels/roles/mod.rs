@@ -1,10 +1,13 @@
 //! Decides which channels play which role, and remembers why.
 
+mod feature_request;
+mod further;
 pub(crate) mod layers;
 mod mapping;
 mod search;
 mod variances;
 
+pub use feature_request::{FeatureRequest, NamedFeature};
 pub use mapping::Mapping;
 pub(crate) use search::is_noise;
 
@@ -29,6 +32,8 @@ pub struct RoleRequest {
     pub preset: Option<&'static Preset>,
     /// Roles given to channels; a later one wins.
     pub map: Vec<Mapping>,
+    /// Features beside normal, albedo and depth, in the order in which they come into the models.
+    pub features: Vec<FeatureRequest>,
     /// Samples per pixel, whatever the file says.
     pub spp: Option<u32>,
     /// The position among the input files of the image from the other half of the samples.
@@ -63,6 +68,17 @@ pub struct FeatureChannels {
     pub variance: Variance,
 }
 
+/// A feature beside normal, albedo and depth, and its noise.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FurtherChannels {
+    /// The name of its layer, or of its channel.
+    pub name: String,
+    /// One to three channels, which belong together.
+    pub channels: Vec<ChannelRef>,
+    /// Noise of each.
+    pub variance: Variance,
+}
+
 /// All roles of a picture.
 #[derive(Clone, Debug)]
 pub struct Roles {
@@ -82,6 +98,10 @@ pub struct Roles {
     pub zero_is_unknown: bool,
     /// The features that the image has.
     pub features: Vec<FeatureChannels>,
+    /// Those beside them that are asked for.
+    pub further: Vec<FurtherChannels>,
+    /// The layers that could be further features, by what the renderer is known to write.
+    pub offered: Vec<String>,
     /// Samples per pixel, if anything says.
     pub samples: Option<Samples>,
     /// What stands before the names of the picture's layers: that of a view layer and a dot, or nothing.
@@ -419,6 +439,8 @@ impl<'a> Search<'a> {
         let features = features
             .filter_map(|feature| self.feature(feature, samples.as_ref()))
             .collect();
+        let offered = self.offered();
+        let further = self.further(samples.as_ref())?;
         let given = matches!(variance, Variance::Given { .. });
         let zero_is_unknown = given && self.presets.iter().any(|(p, _)| p.zero_is_unknown);
         let alpha = self.get(Role::Alpha).map(|alpha| alpha.channels[0]);
@@ -439,6 +461,8 @@ impl<'a> Search<'a> {
             variance,
             zero_is_unknown,
             features,
+            further,
+            offered,
             samples,
             assignments: self.found,
             notes: self.notes,

@@ -444,7 +444,7 @@ fn describe_layer(layer: &str) -> String {
 }
 
 /// What stands before `wanted` and a dot in the name of a layer.
-fn above<'b>(layer: &'b str, wanted: &str) -> Option<&'b str> {
+pub(super) fn above<'b>(layer: &'b str, wanted: &str) -> Option<&'b str> {
     let prefix = layer.strip_suffix(wanted).filter(|_| !wanted.is_empty())?;
     prefix.ends_with('.').then_some(prefix)
 }

@@ -269,6 +269,7 @@ fn colour_alone(path: &Path, map: &[Mapping]) -> Result<Input, Error> {
     roles.alpha = None;
     roles.variance = Variance::None;
     roles.features.clear();
+    roles.further.clear();
     roles.assignments.retain(|a| a.role == Role::Colour);
     Ok(input)
 }

@@ -206,6 +206,9 @@ impl<'a> Reading<'a> {
             for feature in &roles.features {
                 add(&feature.channels, &feature.variance);
             }
+            for feature in &roles.further {
+                add(&feature.channels, &feature.variance);
+            }
         }
         let samples = pictures.iter();
         let samples = samples

@@ -13,7 +13,7 @@ mod rows;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::channels::RoleRequest;
+use crate::channels::{FeatureRequest, RoleRequest};
 use crate::error::Error;
 use crate::exr_file::output::check_output;
 use crate::job::input::Remark;
@@ -102,9 +102,14 @@ impl Merging {
     /// does not state its samples per pixel; [`Error::Unsupported`] if one cannot be decoded, or has parts of several data windows.
     pub fn open(request: &MergeRequest) -> Result<Self, Error> {
         check_once(&request.passes)?;
+        // the variances of whatever else may be a feature of the merged image are put together, too
+        let roles = RoleRequest {
+            features: vec![FeatureRequest::Auto],
+            ..request.roles.clone()
+        };
         let open = |path: &PathBuf| {
             let input = InputRequest::new(path)
-                .with_roles(request.roles.clone())
+                .with_roles(roles.clone())
                 .with_memory_limit(Some(request.memory_limit));
             Pass::open(&input)
         };

@@ -138,6 +138,7 @@ impl Guides {
 
     fn fill(&mut self, row: &PixelRow<'_>) {
         self.level.fill(|x| level_of(row.prepared.weight[x]));
+        // a further feature may be anything: it guides no smoothing
         for (own, plane) in self.features.iter_mut().zip(&row.prepared.features) {
             if !plane.is_empty() {
                 own.copy(plane);
