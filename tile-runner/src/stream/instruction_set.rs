@@ -98,8 +98,8 @@ dispatched! {
 }
 
 impl InstructionSet {
-    /// The same of tiles with further features. They are compiled for AVX2 at most, which AVX-512 has, too: the models take up to 1.1 times as long with it, and the
-    /// compiler a minute less.
+    /// The same of tiles with further features. They are compiled for AVX2 at most, which AVX-512 has, too: the compiler has one set less to make, and each costs it
+    /// as much as for the others.
     #[cfg_attr(not(target_arch = "x86_64"), inline)]
     pub(crate) fn denoise_wide_cells<C: Cells<WIDE_TILE_FEATURES>>(
         self,
