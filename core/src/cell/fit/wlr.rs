@@ -13,11 +13,6 @@
 //! share everything else here, so second derivatives are root mean squares over the channels, squared biases and variances sums over them. Bandwidths are in
 //! the caller's unit of radiance, on which the picture therefore depends, alone of all formulas.
 
-#![expect(
-    clippy::needless_range_loop,
-    reason = "the loops follow the indices of the formulas"
-)]
-
 use crate::cell::feature_space::{Basis, project_all};
 use crate::cell::fit::Fit;
 use crate::cell::model::{Coefficients, Models, constant, regressor};
@@ -47,8 +42,8 @@ const _: () = assert!(WINDOW_AREA.is_multiple_of(BATCH));
 enum Step {
     /// The quadratic one, for second derivatives.
     Curvatures,
-    /// The linear one within one of [`TRIED`].
-    Try(usize),
+    /// The linear one within a shared bandwidth, that at this place of [`TRIED`].
+    Try(usize, f32),
     /// The linear one within the best bandwidth.
     Last,
 }
@@ -56,11 +51,11 @@ enum Step {
 /// All of them go through the same code: what is slow need not be large, too.
 const STEPS: [Step; TRIED.len() + 2] = [
     Step::Curvatures,
-    Step::Try(0),
-    Step::Try(1),
-    Step::Try(2),
-    Step::Try(3),
-    Step::Try(4),
+    Step::Try(0, TRIED[0]),
+    Step::Try(1, TRIED[1]),
+    Step::Try(2, TRIED[2]),
+    Step::Try(3, TRIED[3]),
+    Step::Try(4, TRIED[4]),
     Step::Last,
 ];
 
@@ -85,13 +80,17 @@ impl<const Q: usize, const T: usize, const D: usize, const L: usize> Fit<T, D, L
         let guards = against_outliers(windows);
         let mut curvatures = [[0.0; L]; D];
         let mut curves = Curves::of(&basis.rank);
-        let (mut best, mut errors) = ([1.0; L], [0.0; L]);
+        let mut errors = [0.0; L];
         let mut weights = [[0.0; L]; WINDOW_AREA];
         for step in STEPS {
             let (kernel, squares) = match step {
                 Step::Curvatures => (Kernel([[QUADRATIC_INVERSE; L]; D]), largest),
-                Step::Try(place) => (Kernel::new(&curvatures, &[TRIED[place]; L]), 0),
-                Step::Last => (Kernel::new(&curvatures, &best), 0),
+                Step::Try(_, h) => (Kernel::new(&curvatures, &[h; L]), 0),
+                Step::Last => {
+                    let (best, error) = curves.least(windows);
+                    errors = error;
+                    (Kernel::new(&curvatures, &best), 0)
+                }
             };
             kernel.weigh(windows, &guards, &mut weights);
             let mut system = System::<Q, L>::new(1 + largest + squares);
@@ -105,10 +104,9 @@ impl<const Q: usize, const T: usize, const D: usize, const L: usize> Fit<T, D, L
             row[0] = [1.0; L];
             factor.solve(&mut row);
             let equivalent = EquivalentWeights::new(windows, &row, 1 + largest, &weights);
-            if let Step::Try(place) = step {
-                let estimate = equivalent.apply(|i| &windows.samples[i].colour);
+            if let Step::Try(place, _) = step {
+                let estimate = equivalent.apply(colours(windows));
                 curves.set(place, windows, &estimate, &equivalent.variance(windows));
-                (best, errors) = curves.least(windows);
             } else {
                 weights = equivalent.0;
             }
@@ -118,7 +116,7 @@ impl<const Q: usize, const T: usize, const D: usize, const L: usize> Fit<T, D, L
         };
         let [centre, ..] = &windows.samples;
         let mut models = Models::of_centres(centre);
-        models.coefficients = constant(&fit.last.apply(|i| &windows.samples[i].colour));
+        models.coefficients = constant(&fit.last.apply(colours(windows)));
         models.terms = basis.rank.map(|rank| rank + 1);
         models.risk = errors;
         (models, fit)
@@ -131,7 +129,7 @@ impl<const Q: usize, const T: usize, const D: usize, const L: usize> Fit<T, D, L
         _: &[usize; L],
         layer: &Colours<L>,
     ) -> Coefficients<T, L> {
-        constant(&self.last.apply(|i| &layer[i]))
+        constant(&self.last.apply(layer.iter()))
     }
 }
 
@@ -189,7 +187,8 @@ impl<const Q: usize, const L: usize> System<Q, L> {
         }
     }
 
-    /// Adds a window's pixels: the first `linear` terms are 1 and its local features, the others those features' squares.
+    /// Adds a window's pixels: the first `linear` terms are 1 and its local features, the others those features' squares. Without these there is no need of
+    /// moments.
     #[inline(always)]
     fn take_in<const D: usize>(
         &mut self,
@@ -213,31 +212,38 @@ impl<const Q: usize, const L: usize> System<Q, L> {
                     lanes_stay_innermost();
                 }
             }
-            self.add(&rows.0, samples, weights);
+            self.add(&rows.0, weights);
+            if self.terms > linear {
+                self.add_moments(&rows.0, samples, weights);
+            }
         }
     }
 
     #[inline(always)]
-    fn add(
+    fn add(&mut self, rows: &[WideVector<BATCH, L>; Q], weights: &[Lanes<L>]) {
+        let sums = rows.iter().zip(&mut self.gram);
+        for (i, (row, gram)) in sums.enumerate().take(self.terms) {
+            let weighted = weighted(row, weights);
+            let others = rows.iter().zip(gram.iter_mut());
+            for (other, sum) in others.take(self.terms).skip(i) {
+                add_all(sum, &weighted.0, other.iter().copied());
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn add_moments(
         &mut self,
         rows: &[WideVector<BATCH, L>; Q],
         samples: &[Sample<L>],
         weights: &[Lanes<L>],
     ) {
-        for i in 0..self.terms {
-            let mut weighted = Aligned(rows[i]);
-            for (value, weight) in weighted.0.iter_mut().zip(weights) {
-                for l in 0..L {
-                    value[l] *= f64::from(weight[l]);
-                }
-                lanes_stay_innermost();
-            }
-            for j in i..self.terms {
-                add_all(&mut self.gram[i][j], &weighted.0, rows[j].iter());
-            }
-            for (c, moments) in self.moments.iter_mut().enumerate() {
-                let wide = samples.iter().map(|sample| widened(&sample.colour[c]));
-                add_all(&mut moments[i], &weighted.0, wide);
+        for c in 0..CHANNELS {
+            let sums = rows.iter().zip(&mut self.moments[c]);
+            for (row, sum) in sums.take(self.terms) {
+                let weighted = weighted(row, weights);
+                let colours = samples.iter().map(|sample| widened(&sample.colour[c]));
+                add_all(sum, &weighted.0, colours);
             }
         }
     }
@@ -299,16 +305,31 @@ impl<const Q: usize, const L: usize> System<Q, L> {
     }
 }
 
+/// A batch's pixels times their weights.
+#[inline(always)]
+fn weighted<const L: usize>(
+    row: &WideVector<BATCH, L>,
+    weights: &[Lanes<L>],
+) -> Aligned<WideVector<BATCH, L>> {
+    let mut weighted = Aligned(*row);
+    for (value, weight) in weighted.0.iter_mut().zip(weights) {
+        for l in 0..L {
+            value[l] *= f64::from(weight[l]);
+        }
+        lanes_stay_innermost();
+    }
+    weighted
+}
+
 /// Adds the products of a batch's pixels to their sum.
 #[inline(always)]
 fn add_all<const L: usize>(
     sum: &mut WideLanes<L>,
     weighted: &WideVector<BATCH, L>,
-    values: impl Iterator<Item = impl core::borrow::Borrow<WideLanes<L>>>,
+    values: impl Iterator<Item = WideLanes<L>>,
 ) {
     let mut total = *sum;
     for (weighted, value) in weighted.iter().zip(values) {
-        let value = value.borrow();
         for l in 0..L {
             total[l] += weighted[l] * value[l];
         }
@@ -375,6 +396,14 @@ impl<const D: usize, const L: usize> Kernel<D, L> {
     }
 }
 
+/// The radiance of a window's pixels.
+#[inline(always)]
+fn colours<const D: usize, const L: usize>(
+    windows: &Windows<D, L>,
+) -> impl Iterator<Item = &Rgb<L>> {
+    windows.samples.iter().map(|sample| &sample.colour)
+}
+
 /// Weights `l_i` of a window's pixels, by which a linear fit is the sum `sum l_i y_i` (section 5.3): it is linear in the radiance.
 #[repr(C, align(64))]
 struct EquivalentWeights<const L: usize>(Vector<WINDOW_AREA, L>);
@@ -407,10 +436,10 @@ impl<const L: usize> EquivalentWeights<L> {
 
     /// The fit's value at the centre: `sum l_i y_i` of each channel.
     #[inline(always)]
-    fn apply<'a>(&self, colour: impl Fn(usize) -> &'a Rgb<L>) -> Rgb<L> {
+    fn apply<'a>(&self, colours: impl Iterator<Item = &'a Rgb<L>>) -> Rgb<L> {
         let mut sums = [[0.0f64; L]; CHANNELS];
-        for (i, weight) in self.0.iter().enumerate() {
-            for (sum, y) in sums.iter_mut().zip(colour(i)) {
+        for (weight, colour) in self.0.iter().zip(colours) {
+            for (sum, y) in sums.iter_mut().zip(colour) {
                 for l in 0..L {
                     let counts = weight[l] != 0.0;
                     let term = f64::from(weight[l]) * f64::from(y[l]);
@@ -472,10 +501,15 @@ impl<const L: usize> Curves<L> {
         variance: &[f64; L],
     ) {
         let [centre, ..] = &windows.samples;
-        self.variance[place] = *variance;
+        let (Some(bias), Some(own)) = (self.bias.get_mut(place), self.variance.get_mut(place))
+        else {
+            debug_assert!(false, "{place} is none of the bandwidths");
+            return;
+        };
+        *own = *variance;
         for c in 0..CHANNELS {
             for l in 0..L {
-                self.bias[place][c][l] = estimate[c][l] - centre.colour[c][l];
+                bias[c][l] = estimate[c][l] - centre.colour[c][l];
             }
         }
     }
