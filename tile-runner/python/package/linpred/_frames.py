@@ -139,7 +139,7 @@ def denoise(
         scalars: Channels that are no light (depths, masks, motion) by name, (height, width) each, denoised likewise.
         quality: ``"fast"``, ``"balanced"`` or ``"high"``.
         coverage: The number behind ``quality``: how many good models must predict a pixel before no new one is built for it, 1 to 1024.
-        formulas: ``"robust"``, or ``"literal"`` for the papers' formulas to the letter.
+        formulas: ``"robust"``, or the papers' to the letter: ``"literal"`` (linear predictions), ``"wlr"`` (weighted local regression, slow).
         threads: Threads that compute, at most one on each processor, which is the default. The result does not depend on it.
         progress: A function of (rows done, rows of the frame), called on this thread, or a ``tqdm`` bar. What it raises ends the run.
 
