@@ -14,7 +14,7 @@ REFERENCE = "reference"
 SHOWN = {
     "noisy": "as rendered",
     NONE: "without",
-    "reflections in mirrors, instead": "told what mirrors reflect",
+    "reflected both": "with what is reflected",
     "OIDN": "Open Image Denoise",
     REFERENCE: "reference",
 }
