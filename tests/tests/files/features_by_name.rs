@@ -153,10 +153,19 @@ fn what_cannot_be_a_feature_is_refused_in_a_sentence() {
         (&["R"], "R is the colour itself"),
         (&["N"], "N.X is the normal already: leave it out"),
         (&["Z"], "Z is the depth already"),
+        (
+            &["variance"],
+            "variance.R is the variance of the colour and has its noise",
+        ),
+        (&["SPEC"], "(did you mean spec?); it has"),
+        (
+            &["P,rough"],
+            "(one layer or channel for each time that the option is given)",
+        ),
         (&["objectId"], "objectId holds identifiers"),
         (
             &["P=rough"],
-            "has no 3 channels rough for the variance of P.X, P.Y, P.Z",
+            "has no rough of 3 channels, as many as P.X, P.Y, P.Z, whose variance it is to be",
         ),
     ] {
         let error = open(features).unwrap_err();
@@ -229,6 +238,62 @@ fn what_the_renderer_is_known_to_write_is_offered_and_taken_if_asked_for() {
             .iter()
             .any(|name| name.contains("Position"))
     );
+}
+
+/// What stands in a part of its own has the part's name before its own, which is no view layer's.
+#[test]
+fn a_layer_of_another_part_is_found_by_its_own_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("in.exr");
+    let named = |name, channels| TestPart {
+        name: Some(name),
+        ..part(channels)
+    };
+    let of_part = |names: &[&str]| -> Vec<NamedSamples> {
+        names.iter().map(|name| float(name, PIXELS, 9)).collect()
+    };
+    let parts = vec![
+        named("main", colour(PIXELS)),
+        named("pos", of_part(&["P.X", "P.Y", "P.Z"])),
+        named("noise", of_part(&["PV.X", "PV.Y", "PV.Z"])),
+    ];
+    write(&path, SIZE, parts);
+    for asked in ["P", "pos.P", "auto"] {
+        let input = open_file(&path, &[asked]).unwrap();
+        let [(channels, _)] = &found(&input)[..] else {
+            panic!("{asked}: {:?}", found(&input));
+        };
+        assert!(channels[0].ends_with("P.X"), "{asked}: {channels:?}");
+    }
+    let [(_, variance)] = &found(&open_file(&path, &["P=PV"]).unwrap())[..] else {
+        panic!("no feature");
+    };
+    assert!(variance[2].ends_with("PV.Z"), "{variance:?}");
+}
+
+#[test]
+fn a_name_may_hold_what_stands_between_names() {
+    let names = ["light:key", "a=b", "c:d=e"];
+    let mut channels = colour(PIXELS);
+    channels.extend(names.map(|name| float(name, PIXELS, 3)));
+    let input = open_channels(channels, &["light:key=a=b", "c:d=e"]).unwrap();
+    assert_eq!(
+        found(&input),
+        [
+            (strings(&["light:key"]), strings(&["a=b"])),
+            (strings(&["c:d=e"]), vec![])
+        ]
+    );
+}
+
+#[test]
+fn what_is_known_and_asked_for_as_well_is_taken_once_and_nothing_known_is_said() {
+    let notes = |input: &Input| input.roles.notes.join("; ");
+    let input = open(&["P", "auto"]).unwrap();
+    assert_eq!(found(&input).len(), 1);
+    assert!(!notes(&input).contains("feature"), "{}", notes(&input));
+    let input = open_channels(colour(PIXELS), &["auto"]).unwrap();
+    assert!(notes(&input).contains("nothing that the presets know"));
 }
 
 /// Writes a grey picture whose light is a pattern, with that in `hint` and noise beside it; of each `render` its own noise.
@@ -307,21 +372,23 @@ fn a_named_feature_is_used_in_whole_files_in_bands_and_in_frames_that_help_each_
 }
 
 #[test]
-fn bands_with_other_features_do_not_make_a_frame() {
+fn bands_with_other_features_or_other_noise_of_them_do_not_make_a_frame() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     picture(&folder.join("in.exr"), 0);
     denoise(folder, "b1.exr", &["--band", "1/2", "--feature", "hint"]).succeeds();
-    denoise(folder, "b2.exr", &["--band", "2/2"]).succeeds();
     let file = |name: &str| folder.join(name).to_str().unwrap().to_owned();
-    let ran: Ran = linpred([
-        "stitch".to_owned(),
-        file("b1.exr"),
-        file("b2.exr"),
-        "-o".to_owned(),
-        file("out.exr"),
-    ]);
-    ran.exits_with(3);
+    for other in [&[][..], &["--feature", "hint=useless.Y"]] {
+        denoise(folder, "b2.exr", &[&["--band", "2/2"], other].concat()).succeeds();
+        let ran: Ran = linpred([
+            "stitch".to_owned(),
+            file("b1.exr"),
+            file("b2.exr"),
+            "-o".to_owned(),
+            file("out.exr"),
+        ]);
+        ran.exits_with(3);
+    }
 }
 
 #[test]

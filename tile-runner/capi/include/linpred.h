@@ -151,9 +151,13 @@ enum linpred_formulas
      */
     LINPRED_FORMULAS_ROBUST = 0,
     /**
-     * Those of the papers to the letter, to compare with.
+     * Those of Moon et al. 2015 (linear predictions) to the letter, to compare with.
      */
     LINPRED_FORMULAS_LITERAL = 1,
+    /**
+     * Those of Moon et al. 2014 (weighted local regression) to the letter, likewise; slow.
+     */
+    LINPRED_FORMULAS_WLR = 2,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -311,7 +315,7 @@ typedef struct linpred_options {
      */
     int32_t quality;
     /**
-     * One of linpred_formulas. The literal ones know no quality.
+     * One of linpred_formulas. Those of the papers know no quality.
      */
     int32_t formulas;
     /**

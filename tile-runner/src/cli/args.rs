@@ -443,7 +443,8 @@ pub(crate) enum FormulasName {
     Robust,
     /// Those of Moon et al. 2015 to the letter, a baseline: one model per pixel whatever the quality, unless --coverage is given
     Literal,
-    /// Those of Moon et al. 2014, weighted local regression, to the letter, a slow baseline: a fit at every pixel whatever the quality
+    /// Those of Moon et al. 2014, weighted local regression, to the letter, a slow baseline: a fit at every pixel, whatever the quality and --coverage. It
+    /// depends on the unit of radiance, and its light may be negative
     Wlr,
 }
 

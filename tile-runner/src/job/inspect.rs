@@ -284,7 +284,10 @@ fn role_infos(input: &Input) -> Vec<RoleInfo> {
     let further = input.roles.further.iter().map(|feature| {
         let noise = match feature.variance.channels() {
             channels if channels.is_empty() => "its variance estimated".to_owned(),
-            channels => format!("its variance from {}", names.name(channels[0])),
+            channels => {
+                let own: Vec<String> = channels.iter().map(|at| names.name(*at)).collect();
+                format!("its variance from {}", own.join(" "))
+            }
         };
         let rule = format!("asked for as a feature, {noise}");
         info("feature", &feature.channels, rule)

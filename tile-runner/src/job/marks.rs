@@ -1,6 +1,8 @@
 //! What the header of an output says of how it was made, and of what.
 
+use crate::channels::names::ChannelRef;
 use crate::channels::presets::Role;
+use crate::channels::variance::Variance;
 use crate::error::Error;
 use crate::exr_file::attributes::{
     INPUT_ATTRIBUTE, NEIGHBOURS_ATTRIBUTE, NOISE_ATTRIBUTE, OPTIONS_ATTRIBUTE, VERSION_ATTRIBUTE,
@@ -35,8 +37,17 @@ pub(super) fn marks(
     let further = pictures.iter().flat_map(|picture| {
         let further = picture.roles.further.iter();
         further.map(|feature| {
-            let names = feature.channels.iter().map(|at| picture.names.name(*at));
-            names.collect::<Vec<String>>().join(",")
+            let names = |channels: &[ChannelRef]| -> Vec<String> {
+                channels.iter().map(|at| picture.names.name(*at)).collect()
+            };
+            let noise = match &feature.variance {
+                Variance::Given { meaning, .. } => format!("{meaning:?}"),
+                Variance::Halves { .. } | Variance::OtherFile(_) => "halves".into(),
+                Variance::None => "estimated".into(),
+            };
+            let of_noise = names(&feature.variance.channels());
+            // in quotes, which no two requests share
+            format!("{:?} {noise} {of_noise:?}", names(&feature.channels))
         })
     });
     let further: Vec<String> = further.collect();

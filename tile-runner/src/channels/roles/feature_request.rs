@@ -1,5 +1,7 @@
 //! A feature beside normal, albedo and depth, as it is asked for: `NAME[:CHANNELS][=VARIANCE]`.
 
+use std::fmt;
+
 use crate::error::Error;
 
 /// A further feature that is asked for.
@@ -21,6 +23,42 @@ pub struct NamedFeature {
     pub channels: Vec<String>,
     /// The layer, or the channels joined by commas, that hold the variance of its mean; looked for beside it if `None`.
     pub variance: Option<String>,
+}
+
+impl NamedFeature {
+    /// What was typed as names that hold the characters between its pieces, the longest first.
+    pub(crate) fn whole_names(&self) -> Vec<Self> {
+        let before = Self {
+            variance: None,
+            ..self.clone()
+        };
+        let whole = |name: String, variance: Option<String>| Self {
+            name,
+            channels: Vec::new(),
+            variance,
+        };
+        let mut names = Vec::new();
+        if self.variance.is_some() {
+            names.push(whole(self.to_string(), None));
+        }
+        if !self.channels.is_empty() {
+            names.push(whole(before.to_string(), self.variance.clone()));
+        }
+        names
+    }
+}
+
+impl fmt::Display for NamedFeature {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.name)?;
+        if !self.channels.is_empty() {
+            write!(f, ":{}", self.channels.join(","))?;
+        }
+        match &self.variance {
+            Some(variance) => write!(f, "={variance}"),
+            None => Ok(()),
+        }
+    }
 }
 
 impl FeatureRequest {

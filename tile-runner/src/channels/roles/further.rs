@@ -1,26 +1,13 @@
 //! Finds the features beside normal, albedo and depth that are asked for.
 
-use exr::meta::attribute::SampleType;
-
 use super::search::above;
 use super::{FeatureRequest, FurtherChannels, NamedFeature, Search};
 use crate::channels::identifiers::{Cryptomattes, is_identifier, is_integer};
 use crate::channels::names::ChannelRef;
 use crate::channels::presets::{Components, MOMENT, Role};
 use crate::channels::samples::Samples;
-use crate::channels::variance::{Meaning, Variance};
 use crate::error::{Error, Setting};
 use crate::further::{FEATURE_CHANNELS, FurtherFeatures};
-
-/// How renderers call the variance of a layer, by what stands before and after its name, and what it holds.
-const VARIANCES: [(&str, &str, Meaning); 6] = [
-    ("", "Variance", Meaning::OfMean),
-    ("", " Variance", Meaning::OfMean),
-    ("", "_variance", Meaning::OfMean),
-    ("", "_mse", Meaning::OfMean),
-    ("", "_var", Meaning::OfSample),
-    (MOMENT, "", Meaning::SecondMoment),
-];
 
 /// Layers of a file that a message names.
 const NAMED_LAYERS: usize = 40;
@@ -44,7 +31,19 @@ impl Search<'_> {
             }
         }
         if request.features.contains(&FeatureRequest::Auto) {
-            for feature in self.known_further(samples) {
+            let known = self.known_further(samples);
+            if known.is_empty() {
+                let none = "nothing that the presets know is in this file: see what `linpred inspect` lists, and give it by its name";
+                self.notes.push(refused("auto", none.into()).to_string());
+            }
+            for feature in known {
+                let is_asked_for = |other: &FurtherChannels| {
+                    let mut own = feature.channels.iter();
+                    own.any(|at| other.channels.contains(at))
+                };
+                if all.iter().any(is_asked_for) {
+                    continue;
+                }
                 match self.check_further(&feature, &all) {
                     Ok(()) => all.push(feature),
                     Err(error) => self.notes.push(error.to_string()),
@@ -91,8 +90,9 @@ impl Search<'_> {
         found
     }
 
-    /// The channels of the layer, or else the channel, that is called so in the picture's own view layer, and its whole name.
-    fn channels_called(&self, wanted: &str) -> Option<(String, Vec<ChannelRef>)> {
+    /// The channels of the layer, or else the channel, that is called so in the picture's own view layer, and its whole name. Where the colour stands in no view layer, what
+    /// ends in the name after a dot is called so, too: a part's name or an integrator's stands before.
+    pub(super) fn channels_called(&self, wanted: &str) -> Option<(String, Vec<ChannelRef>)> {
         let prefix = self.colour_prefix();
         let foreign = |name: &str| {
             let beside = name
@@ -100,7 +100,14 @@ impl Search<'_> {
                 .is_some_and(|own| !own.contains('.'));
             !prefix.is_empty() && name.contains('.') && !beside
         };
-        let names = [format!("{prefix}{wanted}"), wanted.to_owned()];
+        let mut names = vec![format!("{prefix}{wanted}"), wanted.to_owned()];
+        if prefix.is_empty() {
+            let below = |name: &&str| !name.starts_with(MOMENT) && above(name, wanted).is_some();
+            let layers = self.names.layers(0).into_iter().filter(below);
+            names.extend(layers.map(str::to_owned));
+            let channels = self.names.in_file(0).map(|own| own.full());
+            names.extend(channels.filter(|name| below(&name.as_str())));
+        }
         names.into_iter().find_map(|name| {
             let channels = self.channels_of_layer(&name);
             if !channels.is_empty() {
@@ -113,7 +120,7 @@ impl Search<'_> {
     }
 
     /// The channels of a layer: those of a colour or a vector in their order and without an alpha, else all as they come.
-    fn channels_of_layer(&self, layer: &str) -> Vec<ChannelRef> {
+    pub(super) fn channels_of_layer(&self, layer: &str) -> Vec<ChannelRef> {
         let mut all: Vec<ChannelRef> = Vec::new();
         let inside = self.names.in_file(0).filter(|name| name.layer == layer);
         let mut alpha = None;
@@ -141,15 +148,20 @@ impl Search<'_> {
         wanted: &NamedFeature,
         samples: Option<&Samples>,
     ) -> Result<Option<FurtherChannels>, Error> {
+        let whole = wanted.whole_names().into_iter();
+        let mut whole = whole.filter(|own| self.channels_called(&own.name).is_some());
+        let whole = whole.next();
+        let wanted = whole.as_ref().unwrap_or(wanted);
         let Some((name, all)) = self.channels_called(&wanted.name) else {
             let called = |own: &str| own == wanted.name || above(own, &wanted.name).is_some();
             let mut names = self.names.in_file(0);
             if names.any(|own| called(&own.layer) || called(&own.full())) {
-                let problem = "is that of another view layer".into();
-                self.notes.push(refused(&wanted.name, problem).to_string());
+                let problem = "is that of another view layer: this one is denoised without it";
+                let problem = refused(&wanted.name, problem.into()).to_string();
+                self.warnings.push(problem);
                 return Ok(None);
             }
-            return Err(refused(&wanted.name, self.not_there()));
+            return Err(refused(&wanted.to_string(), self.not_there(&wanted.name)));
         };
         let mut channels = all;
         if !wanted.channels.is_empty() {
@@ -177,10 +189,16 @@ impl Search<'_> {
         }))
     }
 
-    fn not_there(&self) -> String {
+    fn not_there(&self, wanted: &str) -> String {
         let path = self.names.files()[0].path().display();
         let mut layers: Vec<String> = Vec::new();
+        let mut named: Vec<ChannelRef> = Vec::new();
         for name in self.names.in_file(0) {
+            // a channel of a part with a name has two, the shorter first
+            if named.contains(&name.at) {
+                continue;
+            }
+            named.push(name.at);
             let own = match name.layer.is_empty() {
                 true => name.full(),
                 false => name.layer.clone(),
@@ -189,6 +207,14 @@ impl Search<'_> {
                 layers.push(own);
             }
         }
+        let alike = layers.iter().find(|own| own.eq_ignore_ascii_case(wanted));
+        let hint = match alike {
+            Some(alike) => format!(" (did you mean {alike}?)"),
+            None if wanted.contains([',', '*', '?']) => {
+                " (one layer or channel for each time that the option is given)".into()
+            }
+            None => String::new(),
+        };
         let more = layers.len().saturating_sub(NAMED_LAYERS);
         layers.truncate(NAMED_LAYERS);
         let more = match more {
@@ -196,12 +222,12 @@ impl Search<'_> {
             more => format!(", and {more} more"),
         };
         format!(
-            "{path} has no such layer or channel; it has {}{more}",
+            "{path} has no such layer or channel{hint}; it has {}{more}",
             layers.join(", ")
         )
     }
 
-    fn in_words(&self, channels: &[ChannelRef]) -> String {
+    pub(super) fn in_words(&self, channels: &[ChannelRef]) -> String {
         let names: Vec<String> = channels.iter().map(|at| self.names.name(*at)).collect();
         names.join(", ")
     }
@@ -251,7 +277,15 @@ impl Search<'_> {
     ) -> Result<(), Error> {
         let name = self.names.name(at);
         let refuse = |problem: String| Err(refused(feature, problem));
-        let roles = [Role::Colour, Role::Normal, Role::Albedo, Role::Depth];
+        let roles = [
+            Role::Colour,
+            Role::Normal,
+            Role::Albedo,
+            Role::Depth,
+            Role::Variance,
+            Role::HalfA,
+            Role::HalfB,
+        ];
         let role = roles.into_iter().find(|role| {
             let own = self.get(*role);
             own.is_some_and(|own| own.channels.contains(&at))
@@ -260,6 +294,12 @@ impl Search<'_> {
             Some(Role::Colour) => {
                 return refuse(format!(
                     "{name} is the colour itself, which no model may see"
+                ));
+            }
+            Some(role @ (Role::Variance | Role::HalfA | Role::HalfB)) => {
+                let role = role.name();
+                return refuse(format!(
+                    "{name} is the {role} of the colour and has its noise, which a model that sees it predicts"
                 ));
             }
             Some(role) => {
@@ -285,107 +325,13 @@ impl Search<'_> {
     }
 
     /// What stands after the last dot of a channel's name.
-    fn component(&self, at: ChannelRef) -> String {
+    pub(super) fn component(&self, at: ChannelRef) -> String {
         let name = self.names.in_file(0).find(|name| name.at == at);
         name.map_or_else(String::new, |name| name.component.clone())
     }
-
-    /// The variance of the mean that is said to be in these channels or in this layer.
-    fn stated_variance(
-        &self,
-        feature: &NamedFeature,
-        target: &str,
-        means: &[ChannelRef],
-    ) -> Result<Variance, Error> {
-        let joined = target
-            .split(',')
-            .map(|own| self.names.channel(0, own.trim()));
-        let joined: Option<Vec<ChannelRef>> = joined.collect();
-        let joined = joined.filter(|channels| channels.len() == means.len());
-        let channels = joined.or_else(|| {
-            let (layer, all) = self.channels_called(target)?;
-            self.beside(&layer, means)
-                .or_else(|| (all.len() == means.len()).then_some(all))
-        });
-        let channels = channels.ok_or_else(|| {
-            let path = self.names.files()[0].path().display();
-            let (count, of) = (means.len(), self.in_words(means));
-            let problem =
-                format!("{path} has no {count} channels {target} for the variance of {of}");
-            refused(&feature.name, problem)
-        })?;
-        Ok(Variance::Given {
-            meaning: Meaning::OfMean,
-            channels,
-            count: None,
-        })
-    }
-
-    /// The channels of a layer whose components are called as those of the means, or its only one for a single mean.
-    fn beside(&self, layer: &str, means: &[ChannelRef]) -> Option<Vec<ChannelRef>> {
-        let all = self.channels_of_layer(layer);
-        let own = |mean: &ChannelRef| {
-            let component = self.component(*mean);
-            let mut all = all.iter();
-            all.find(|at| self.component(**at) == component).copied()
-        };
-        let alike: Option<Vec<ChannelRef>> = means.iter().map(own).collect();
-        alike.or_else(|| (all.len() == 1 && means.len() == 1).then_some(all))
-    }
-
-    /// The variance of a feature's channels by what renderers call it, or [`Variance::None`]: then it is estimated.
-    fn further_variance(&mut self, means: &[ChannelRef], samples: Option<&Samples>) -> Variance {
-        if let Some(file) = self.request.other_half {
-            let twins = means.iter().map(|at| self.names.twin(*at, file));
-            let twins: Result<Vec<ChannelRef>, Error> = twins.collect();
-            return twins.map_or(Variance::None, Variance::OtherFile);
-        }
-        let count = samples.map(|samples| samples.count);
-        let own = self.layer_of(means[0]).to_owned();
-        let stem = match own.is_empty() {
-            true => self.component(means[0]),
-            false => own,
-        };
-        for (before, after, meaning) in VARIANCES {
-            let name = format!("{before}{stem}{after}");
-            let single = || {
-                (means.len() == 1)
-                    .then(|| self.names.channel(0, &name))
-                    .flatten()
-            };
-            let channels = self
-                .beside(&name, means)
-                .or_else(|| single().map(|at| vec![at]));
-            let Some(channels) = channels.filter(|channels| self.decodable(channels)) else {
-                continue;
-            };
-            let half = |at: &ChannelRef| {
-                let part = &self.names.files()[at.file].parts()[at.part];
-                part.sample_type(at.channel) == SampleType::F16
-            };
-            let problem = if meaning.needs_count() && count.is_none() {
-                Some("the number of samples is not known")
-            } else if meaning == Meaning::SecondMoment && channels.iter().chain(means).any(half) {
-                Some("second moments in half precision keep no digit of it")
-            } else {
-                None
-            };
-            match problem {
-                Some(problem) => self.warnings.push(format!("{name} not used: {problem}")),
-                None => {
-                    return Variance::Given {
-                        meaning,
-                        channels,
-                        count,
-                    };
-                }
-            }
-        }
-        Variance::None
-    }
 }
 
-fn refused(feature: &str, problem: String) -> Error {
+pub(super) fn refused(feature: &str, problem: String) -> Error {
     Error::Setting {
         setting: Setting::Feature,
         value: feature.to_owned(),

@@ -2,6 +2,7 @@
 
 mod feature_request;
 mod further;
+mod further_noise;
 pub(crate) mod layers;
 mod mapping;
 mod search;
@@ -171,6 +172,19 @@ pub(crate) fn resolve(
             .map_or_else(|| names.clone(), |view| names.of_view(view));
         match resolve_view(&own, request, view.as_ref()) {
             Ok(found) => pictures.extend(found.into_iter().map(|roles| (own.clone(), roles))),
+            // an eye without what the other has would look otherwise
+            Err(Error::Setting {
+                setting: setting @ Setting::Feature,
+                value,
+                problem,
+            }) => {
+                let view = view.map_or_else(String::new, |view| format!("in view {view:?} "));
+                return Err(Error::Setting {
+                    setting,
+                    value,
+                    problem: format!("{view}{problem}"),
+                });
+            }
             Err(error) => failures.push((view, error)),
         }
     }
