@@ -315,6 +315,8 @@ fn picture(path: &Path, render: u32) {
         }));
     }
     channels.push(plane("hint", SIZE, pattern));
+    // a pattern as fine as noise would be taken for noise
+    channels.push(constant("hintVariance", PIXELS, 0.0));
     channels.push(plane("truth", SIZE, pattern));
     channels.push(float("useless.X", PIXELS, 50));
     channels.push(constant("useless.Y", PIXELS, 1.0));
