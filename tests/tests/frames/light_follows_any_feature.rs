@@ -11,7 +11,7 @@ const SIDE: usize = 76;
 /// How a further feature comes.
 #[derive(Clone, Copy, PartialEq)]
 enum Noise {
-    /// Without.
+    /// Without, and so it is stated.
     None,
     /// With noise, and what its variance is.
     Stated,
@@ -37,8 +37,8 @@ fn wall(channels: &[usize], kind: Noise) -> Frame {
     let mut layout = RowLayout::new(size, VarianceKind::OfMean).with_feature(Feature::Normal);
     for channels in channels {
         layout = match kind {
-            Noise::Stated => layout.with_further_feature_and_variance(*channels),
-            _ => layout.with_further_feature(*channels),
+            Noise::None | Noise::Stated => layout.with_further_feature_and_variance(*channels),
+            Noise::Untold => layout.with_further_feature(*channels),
         }
         .unwrap();
     }
@@ -97,9 +97,10 @@ fn a_feature_that_the_light_follows_takes_most_of_the_error_away() {
 #[test]
 fn a_noisy_feature_is_filtered_before_anything_is_fitted_to_it() {
     let without = error_of(&[], Noise::None);
-    for kind in [Noise::Stated, Noise::Untold] {
+    // the pattern is hardly coarser than noise: what is untold is thought to be more than there is
+    for (kind, part) in [(Noise::Stated, 0.3), (Noise::Untold, 0.75)] {
         let with = error_of(&[1], kind);
-        assert!(with < 0.6 * without, "{with} of {without}");
+        assert!(with < part * without, "{with} of {without}");
     }
     // told of as exact, its noise is printed into the picture
     let mut frame = wall(&[1], Noise::Stated);
