@@ -429,7 +429,7 @@ fn the_command_names_the_option_and_inspect_what_is_there() {
     };
     inspect(&[]).prints(&["more features     P (used if asked for)"]);
     inspect(&["--feature", "P", "--feature", "rough"]).prints(&[
-        "feature          P.X P.Y P.Z  [asked for as a feature, its variance from PVariance.X]",
+        "feature          P.X P.Y P.Z  [asked for as a feature, its variance from PVariance.X PVariance.Y PVariance.Z]",
         "feature          rough  [asked for as a feature, its variance from rough_mse]",
     ]);
     picture(&folder.join("constant.exr"), 0);
