@@ -25,7 +25,7 @@ pub(crate) fn build_models<const D: usize, const L: usize>(
     params: &Params,
     scratch: &mut Scratch<D, L>,
 ) {
-    let largest = scratch.basis.rank.iter().fold(0, |a, b| a.max(*b));
+    let largest = scratch.basis.largest_rank();
     if params.formulas == Formulas::Wlr {
         build_by_wlr(cells, centres, params, scratch);
         return;
@@ -213,11 +213,7 @@ fn read_layer<const D: usize, const L: usize>(
         };
         for (colours, &step) in colours.iter_mut().zip(&RING_STEPS) {
             let own = layer.colour_at(centre.position().wrapping_add_signed(step));
-            for (colours, value) in colours.iter_mut().zip(own) {
-                if let Some(colour) = colours.get_mut(lane) {
-                    *colour = value;
-                }
-            }
+            put(colours, lane, own);
         }
     }
 }
@@ -246,12 +242,17 @@ fn read_layer_of_frames<const D: usize, const L: usize>(
                     .frame(lane, other)
                     .and_then(|frame| Some(frame.layers.get(layer)?.colour_at(position))),
             };
-            let value = value.unwrap_or([0.0; CHANNELS]);
-            for (colours, value) in colours.iter_mut().zip(value) {
-                if let Some(colour) = colours.get_mut(lane) {
-                    *colour = value;
-                }
-            }
+            put(colours, lane, value.unwrap_or([0.0; CHANNELS]));
+        }
+    }
+}
+
+/// Sets one lane of a colour.
+#[inline(always)]
+fn put<const L: usize>(colours: &mut Rgb<L>, lane: usize, value: [f32; CHANNELS]) {
+    for (colour, value) in colours.iter_mut().zip(value) {
+        if let Some(colour) = colour.get_mut(lane) {
+            *colour = value;
         }
     }
 }

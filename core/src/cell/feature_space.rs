@@ -58,6 +58,12 @@ impl<const D: usize, const L: usize> Basis<D, L> {
         rank: [0; L],
         noise: [[0.0; L]; D],
     };
+
+    /// The largest rank of any window.
+    #[inline(always)]
+    pub(crate) fn largest_rank(&self) -> usize {
+        self.rank.iter().fold(0, |a, b| a.max(*b))
+    }
 }
 
 /// Replaces the windows' features by those in the unit of their range, and finds the directions to keep.

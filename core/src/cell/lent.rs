@@ -69,7 +69,7 @@ pub trait Cells<const D: usize> {
         let _ = lane;
         None
     }
-    /// The same place in one of the frames around, of which `k` counts up to four: [`Formulas::Wlr`] then fits to the 7 x 7 pixels around a centre in its own
+    /// The same place in one of the frames around, number `k` of 0 to 3: [`Formulas::Wlr`] then fits to the 7 x 7 pixels around a centre in its own
     /// frame and in each of those (WLR section 8), whose number is one of the features that a tile holds. None, unless implemented; no other formulas
     /// read them.
     fn frame(&self, lane: usize, k: usize) -> Option<OtherFrame<'_, D>> {

@@ -195,8 +195,9 @@ fn multiply_add<const L: usize>(sum: &mut WideLanes<L>, a: &WideLanes<L>, b: &Wi
     lanes_stay_innermost();
 }
 
+/// Each lane in double precision.
 #[inline(always)]
-fn widened<const L: usize>(values: &Lanes<L>) -> WideLanes<L> {
+pub(crate) fn widened<const L: usize>(values: &Lanes<L>) -> WideLanes<L> {
     let mut wide = [0.0; L];
     for l in 0..L {
         wide[l] = f64::from(values[l]);

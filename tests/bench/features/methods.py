@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import resource
 import subprocess
 import sys
 import tempfile
@@ -14,7 +13,9 @@ from pathlib import Path
 
 import images
 import numpy as np
+import program
 from images import ALBEDO, COLOUR, NORMAL, REFLECTED_ALBEDO, REFLECTED_NORMAL
+from program import Failed
 
 OIDN = Path(__file__).resolve().parent.parent / "oidn.py"
 USUAL = (*COLOUR, *ALBEDO, *NORMAL, "Z")
@@ -26,10 +27,6 @@ MIRROR = 0.01
 REFLECTIONS = (*zip(ALBEDO, REFLECTED_ALBEDO, strict=True), *zip(NORMAL, REFLECTED_NORMAL, strict=True))
 """Channels of what is hit first, and those of what it reflects."""
 OF_MIRRORS = (*REFLECTED_ALBEDO, *REFLECTED_NORMAL, "roughness")
-
-
-class Failed(Exception):
-    """A method has no picture; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -90,14 +87,8 @@ class Bench:
             images.write(noisy, channels, {"spp": self.image.samples})
             asked = [word for feature in features for word in ("--feature", feature)]
             command = [str(self.linpred), "denoise", str(noisy), "-o", str(clean), "--quality", "balanced", "--threads", "1", *asked]
-            before = _children_seconds()
-            try:
-                done = subprocess.run(command, capture_output=True, text=True)
-            except OSError as error:
-                raise Failed(f"{self.linpred}: {error.strerror}") from error
-            if done.returncode:
-                raise Failed(f"exit status {done.returncode}: {' '.join(done.stderr.split())[:300]}")
-            return Made(images.planes(clean, COLOUR), _children_seconds() - before)
+            seconds = program.run(command)
+            return Made(images.planes(clean, COLOUR), seconds)
 
     def with_variances(self, names: tuple[str, ...]) -> dict[str, np.ndarray]:
         """Channels of the image by name, and their variances, of those that have some."""
@@ -123,11 +114,6 @@ class Bench:
                 raise Failed(f"oidn.py: {done.stderr.strip().splitlines()[-1]}")
             picture = np.fromfile(Path(folder) / "denoised", "<f4").reshape(height, width, 3).astype(np.float64)
         return Made(picture, json.loads(done.stdout)["cost"]["cpu"])
-
-
-def _children_seconds() -> float:
-    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return usage.ru_utime + usage.ru_stime
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,15 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import sys
 from collections.abc import Iterable
 from pathlib import Path
 
+# this file is a program of its own, too
+sys.path.append(str(Path(__file__).resolve().parent.parent))
+
+import csv_files
 from methods import METHODS, NOISY, NONE
 
 KEY = ("folder", "scene", "samples", "method")
@@ -23,26 +26,16 @@ Key = tuple[str, str, str, str]
 def replace(folder: Path, key: Key, row: tuple[object, ...] | None, why: str) -> None:
     """Puts what was measured, or why nothing was, in the place of what that method had for that image before."""
     for name, columns, new in (("results.csv", COLUMNS, row), ("failed.csv", FAILED_COLUMNS, (why,) if why else None)):
-        kept = [tuple(line[column] for column in columns) for line in _read(folder / name) if tuple(line[column] for column in KEY) != key]
-        with open(folder / name, "w", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(columns)
-            writer.writerows([*kept, (*key, *new)] if new else kept)
-
-
-def _read(path: Path) -> list[dict[str, str]]:
-    if not path.is_file():
-        return []
-    with open(path, newline="") as file:
-        return list(csv.DictReader(file))
+        kept = [tuple(line[column] for column in columns) for line in csv_files.read(folder / name) if tuple(line[column] for column in KEY) != key]
+        csv_files.write(folder / name, columns, [*kept, (*key, *new)] if new else kept)
 
 
 class Figures:
     """A folder's results by method and image."""
 
     def __init__(self, folder: Path) -> None:
-        self.rows = {(line["method"], (line["folder"], line["scene"], int(line["samples"]))): line for line in _read(folder / "results.csv")}
-        self.failed = {tuple(line[column] for column in KEY): line["why"] for line in _read(folder / "failed.csv")}
+        self.rows = {(line["method"], (line["folder"], line["scene"], int(line["samples"]))): line for line in csv_files.read(folder / "results.csv")}
+        self.failed = {tuple(line[column] for column in KEY): line["why"] for line in csv_files.read(folder / "failed.csv")}
         self.images = sorted({image for _, image in self.rows})
         self.folders = sorted({image[0] for image in self.images})
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 HERE = Path(__file__).resolve().parent
-sys.path += [str(HERE), *(str(HERE.parent / folder) for folder in ("sequences", "adaptive"))]
+sys.path += [str(HERE), str(HERE.parent), *(str(HERE.parent / folder) for folder in ("sequences", "adaptive"))]
 
 import convergence
 import pictures

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import resource
 import shutil
 import subprocess
 import sys
@@ -15,15 +14,13 @@ from pathlib import Path
 import lpr
 import naive
 import numpy as np
+import program
 import wlr
 from frames import ALBEDO, COLOUR, FEATURE_VARIANCES, FEATURES, MOTION, NORMAL, POSITION, VARIANCE, Sequence, planes, rewrite, write_colour
+from program import Failed
 
 OIDN = Path(__file__).resolve().parent.parent / "oidn.py"
 Pictures = list[np.ndarray]
-
-
-class Failed(Exception):
-    """A method has no pictures; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -65,25 +62,13 @@ class Bench:
         with tempfile.TemporaryDirectory() as folder:
             digits = "#" * len(self.sequence.numbers[0])
             command = [str(self.linpred), "denoise", pattern, "-o", f"{folder}/{digits}.exr", "--threads", "1", *options]
-            before = _children_seconds()
-            try:
-                done = subprocess.run(command, capture_output=True, text=True)
-            except OSError as error:
-                raise Failed(f"{self.linpred}: {error.strerror}") from error
-            if done.returncode:
-                raise Failed(f"exit status {done.returncode}: {' '.join(done.stderr.split())[:300]}")
-            seconds = (_children_seconds() - before) / len(self.sequence.numbers)
+            seconds = program.run(command) / len(self.sequence.numbers)
             return Made([planes(Path(folder) / f"{number}.exr", COLOUR) for number in self.sequence.numbers], seconds)
 
 
 def slug(method: str) -> str:
     """A method's name as a file's: `LPR 6, 11 x 11` is `lpr-6-11-x-11`."""
     return "-".join("".join(c if c.isalnum() else " " for c in method.lower()).split())
-
-
-def _children_seconds() -> float:
-    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return usage.ru_utime + usage.ru_stime
 
 
 def noisy(bench: Bench) -> Made:

@@ -6,11 +6,14 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import sys
 from pathlib import Path
 
+# this file is a program of its own, too
+sys.path.append(str(Path(__file__).resolve().parent.parent))
+
+import csv_files
 import judge
 from judge import Measured
 from methods import METHODS, VARIANTS
@@ -31,19 +34,8 @@ DRAWN = {
 def replace(folder: Path, sequence: str, method: str, rows: list[tuple], failed: list[tuple]) -> None:
     """Puts what was measured in the place of what that method had for that sequence before."""
     for name, columns, found in (("results.csv", COLUMNS, rows), ("failed.csv", FAILED_COLUMNS, failed)):
-        kept = [row for row in _read(folder / name) if (row["sequence"], row["method"]) != (sequence, method)]
-        lines = [tuple(row[column] for column in columns) for row in kept] + found
-        with open(folder / name, "w", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(columns)
-            writer.writerows(lines)
-
-
-def _read(path: Path) -> list[dict[str, str]]:
-    if not path.is_file():
-        return []
-    with open(path, newline="") as file:
-        return list(csv.DictReader(file))
+        kept = [row for row in csv_files.read(folder / name) if (row["sequence"], row["method"]) != (sequence, method)]
+        csv_files.write(folder / name, columns, [tuple(row[column] for column in columns) for row in kept] + found)
 
 
 class Figures:
@@ -52,13 +44,13 @@ class Figures:
     def __init__(self, folder: Path) -> None:
         self.frames: dict[tuple[str, str], list[tuple[int, Measured]]] = {}
         self.seconds: dict[tuple[str, str], str] = {}
-        rows = _read(folder / "results.csv")
+        rows = csv_files.read(folder / "results.csv")
         for row in rows:
             key = row["sequence"], row["method"]
             measured = Measured(*(float(row[name]) for name in ("gain", "psnr", "energy", "flicker", "visible")))
             self.frames.setdefault(key, []).append((int(row["frame"]), measured))
             self.seconds[key] = row["seconds"]
-        self.failed = {(row["sequence"], row["method"]): row["why"] for row in _read(folder / "failed.csv")}
+        self.failed = {(row["sequence"], row["method"]): row["why"] for row in csv_files.read(folder / "failed.csv")}
         self.sequences = sorted({sequence for sequence, _ in (*self.frames, *self.failed)})
 
     def steady(self, sequence: str, method: str) -> Measured:

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use exr::prelude::*;
-use linpred::channels::{Role, RoleRequest};
+use linpred::channels::{FeatureRequest, Role, RoleRequest};
 use linpred::job::{Input, InputRequest};
 use linpred_tests::command;
 use linpred_tests::images::{
@@ -63,6 +63,29 @@ fn one_part() -> Vec<NamedSamples> {
     channels.extend(of("N.", &["X", "Y", "Z"], 20));
     channels.extend(of("N.right.", &["X", "Y", "Z"], 30));
     channels
+}
+
+/// One eye with it and one without would look otherwise.
+#[test]
+fn a_feature_that_a_view_lacks_is_refused_with_the_views_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("in.exr");
+    let open = |name: &str| {
+        let roles = RoleRequest {
+            features: vec![FeatureRequest::named(name)],
+            ..RoleRequest::default()
+        };
+        Input::open_all(&InputRequest::new(&path).with_roles(roles))
+    };
+    let mut channels = one_part();
+    channels.extend(of("P.", &["X", "Y", "Z"], 40));
+    channels.extend(of("Q.", &["X", "Y", "Z"], 50));
+    channels.extend(of("Q.right.", &["X", "Y", "Z"], 60));
+    let image = with_views(part(channels), &["left", "right"]);
+    write(&path, SIZE, vec![image]);
+    let error = open("P").unwrap_err().to_string();
+    assert!(error.contains("in view \"right\" "), "{error}");
+    assert_eq!(open("Q").unwrap().len(), 2);
 }
 
 #[test]

@@ -71,7 +71,7 @@ impl<const Q: usize, const T: usize, const D: usize, const L: usize> Fit<T, D, L
         const { assert!(Q == 2 * T - 1, "a square for each local feature") };
         project_all::<T, D, L>(windows, basis);
         let windows = &*windows;
-        let largest = basis.rank.iter().fold(0, |a, b| a.max(*b)).min(T - 1);
+        let largest = basis.largest_rank().min(T - 1);
         let guards = against_outliers(windows);
         let mut curvatures = [[0.0; L]; D];
         let mut curves = Curves::of(&basis.rank);

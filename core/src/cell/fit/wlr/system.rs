@@ -7,6 +7,7 @@ use crate::lanes::{
     Aligned, Lanes, Vector, WideLanes, WideMatrix, WideVector, lanes_stay_innermost,
 };
 use crate::least_squares::factor::Factor;
+use crate::least_squares::sums::widened;
 use crate::tile::{CHANNELS, WINDOW_AREA};
 
 /// The least second derivative that a bandwidth is taken from: where the radiance is a plane, a bandwidth has no end.
@@ -184,13 +185,4 @@ fn add_all<const L: usize>(
         lanes_stay_innermost();
     }
     *sum = total;
-}
-
-#[inline(always)]
-fn widened<const L: usize>(values: &Lanes<L>) -> WideLanes<L> {
-    let mut wide = [0.0; L];
-    for l in 0..L {
-        wide[l] = f64::from(values[l]);
-    }
-    wide
 }
