@@ -2,6 +2,7 @@
 
 use crate::channels::names::ChannelRef;
 use crate::channels::presets::Role;
+use crate::channels::roles::FurtherChannels;
 use crate::channels::variance::Variance;
 use crate::error::Error;
 use crate::exr_file::attributes::{
@@ -36,19 +37,7 @@ pub(super) fn marks(
     let roles: Vec<String> = roles.collect();
     let further = pictures.iter().flat_map(|picture| {
         let further = picture.roles.further.iter();
-        further.map(|feature| {
-            let names = |channels: &[ChannelRef]| -> Vec<String> {
-                channels.iter().map(|at| picture.names.name(*at)).collect()
-            };
-            let noise = match &feature.variance {
-                Variance::Given { meaning, .. } => format!("{meaning:?}"),
-                Variance::Halves { .. } | Variance::OtherFile(_) => "halves".into(),
-                Variance::None => "estimated".into(),
-            };
-            let of_noise = names(&feature.variance.channels());
-            // in quotes, which no two requests share
-            format!("{:?} {noise} {of_noise:?}", names(&feature.channels))
-        })
+        further.map(|feature| further_feature(picture, feature))
     });
     let further: Vec<String> = further.collect();
     let further = match further.is_empty() {
@@ -114,4 +103,18 @@ fn mark_of(neighbours: &Neighbours) -> Result<String, Error> {
         side(&neighbours.after, "after")?,
     );
     Ok(format!("{before}; {after}"))
+}
+
+/// A further feature's channels and those of its noise, in quotes, so that no two are told alike.
+fn further_feature(picture: &Input, feature: &FurtherChannels) -> String {
+    let names = |channels: &[ChannelRef]| -> Vec<String> {
+        channels.iter().map(|at| picture.names.name(*at)).collect()
+    };
+    let noise = match &feature.variance {
+        Variance::Given { meaning, .. } => format!("{meaning:?}"),
+        Variance::Halves { .. } | Variance::OtherFile(_) => "halves".into(),
+        Variance::None => "estimated".into(),
+    };
+    let of_noise = names(&feature.variance.channels());
+    format!("{:?} {noise} {of_noise:?}", names(&feature.channels))
 }

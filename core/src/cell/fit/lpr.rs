@@ -1,4 +1,4 @@
-//! The papers' formulas to the letter, kept as a baseline (LPR Eq. 3 to 7).
+//! LPR's formulas to the letter, kept as a baseline (Eq. 3 to 7).
 //!
 //! Beside the raw validation error they differ from [`crate::cell::fit::robust`] in weighting every valid pixel alike.
 
