@@ -20,7 +20,7 @@ use crate::tile::{CHANNELS, WINDOW_AREA};
 /// machines, where one size of code counts for more than speed.
 #[inline(always)]
 pub(crate) fn build_models<const D: usize, const L: usize>(
-    cells: &mut impl Cells<D>,
+    cells: &mut (impl Cells<D> + ?Sized),
     centres: &Centres<L>,
     params: &Params,
     scratch: &mut Scratch<D, L>,
@@ -49,7 +49,7 @@ pub(crate) fn build_models<const D: usize, const L: usize>(
 #[inline(always)]
 fn build_wide_models<const D: usize, const L: usize>(
     largest: usize,
-    cells: &mut impl Cells<D>,
+    cells: &mut (impl Cells<D> + ?Sized),
     centres: &Centres<L>,
     params: &Params,
     scratch: &mut Scratch<D, L>,
@@ -75,7 +75,7 @@ fn build_wide_models<const D: usize, const L: usize>(
 /// The same for models of at most `T` terms; nothing where `D` features cannot make so many, so that no code is made for it.
 #[inline(always)]
 fn build_with_terms<const T: usize, const D: usize, const L: usize>(
-    cells: &mut impl Cells<D>,
+    cells: &mut (impl Cells<D> + ?Sized),
     centres: &Centres<L>,
     params: &Params,
     scratch: &mut Scratch<D, L>,
@@ -93,7 +93,7 @@ fn build_with_terms<const T: usize, const D: usize, const L: usize>(
 /// The same by WLR, whose loops know the rank themselves.
 #[inline(always)]
 fn build_by_wlr<const D: usize, const L: usize>(
-    cells: &mut impl Cells<D>,
+    cells: &mut (impl Cells<D> + ?Sized),
     centres: &Centres<L>,
     params: &Params,
     scratch: &mut Scratch<D, L>,
@@ -108,7 +108,7 @@ fn build_by_wlr<const D: usize, const L: usize>(
 /// The same by the formulas `F`.
 #[inline(always)]
 fn build<F: Fit<T, D, L>, const T: usize, const D: usize, const L: usize>(
-    cells: &mut impl Cells<D>,
+    cells: &mut (impl Cells<D> + ?Sized),
     centres: &Centres<L>,
     params: &Params,
     scratch: &mut Scratch<D, L>,
@@ -201,7 +201,7 @@ fn keep_even<const T: usize, const L: usize>(
 /// The layer's radiance in the windows around the centres, ring after ring.
 #[inline(always)]
 fn read_layer<const D: usize, const L: usize>(
-    cells: &mut impl Cells<D>,
+    cells: &mut (impl Cells<D> + ?Sized),
     centres: &Centres<L>,
     layer: usize,
     colours: &mut Colours<L>,
@@ -221,7 +221,7 @@ fn read_layer<const D: usize, const L: usize>(
 /// The same in windows over several frames; 0 where there is no such frame.
 #[inline(always)]
 fn read_layer_of_frames<const D: usize, const L: usize>(
-    cells: &mut impl Cells<D>,
+    cells: &mut (impl Cells<D> + ?Sized),
     centres: &Centres<L>,
     layer: usize,
     colours: &mut Colours<L>,

@@ -85,7 +85,7 @@ pub trait Cells<const D: usize> {
 /// The frames around that of the cell in `lane` that its models are fitted to as well.
 #[inline(always)]
 pub(crate) fn frames<'a, const D: usize>(
-    cells: &'a impl Cells<D>,
+    cells: &'a (impl Cells<D> + ?Sized),
     lane: usize,
     params: &Params,
 ) -> [Option<&'a Tile<D>>; OTHER_FRAMES] {
@@ -98,7 +98,7 @@ pub(crate) fn frames<'a, const D: usize>(
 /// What the models of the cell in `lane` see.
 #[inline(always)]
 pub(crate) fn seen<'a, const D: usize>(
-    cells: &'a impl Cells<D>,
+    cells: &'a (impl Cells<D> + ?Sized),
     lane: usize,
     params: &Params,
 ) -> Seen<'a, D> {

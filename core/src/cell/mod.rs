@@ -37,7 +37,7 @@ use crate::params::Params;
 /// more with `L`. A layer costs its own right-hand sides and predictions.
 #[inline(always)]
 pub fn denoise_cells<const D: usize, const L: usize>(
-    cells: &mut impl Cells<D>,
+    cells: &mut (impl Cells<D> + ?Sized),
     params: &Params,
     scratch: &mut Scratch<D, L>,
 ) {
@@ -67,7 +67,7 @@ pub fn denoise_cells<const D: usize, const L: usize>(
 /// Where each lane's cell wants its next model; none of any lane at the end.
 #[inline(always)]
 fn next_centres<const D: usize, const L: usize>(
-    cells: &mut impl Cells<D>,
+    cells: &mut (impl Cells<D> + ?Sized),
     params: &Params,
     scratch: &mut Scratch<D, L>,
     more: &mut bool,
@@ -82,7 +82,7 @@ fn next_centres<const D: usize, const L: usize>(
 /// The same for one lane: one cell after the other, while there are more.
 #[inline(always)]
 fn next_centre<const D: usize, const L: usize>(
-    cells: &mut impl Cells<D>,
+    cells: &mut (impl Cells<D> + ?Sized),
     lane: usize,
     params: &Params,
     scratch: &mut Scratch<D, L>,

@@ -89,9 +89,9 @@ dispatched! {
     ) -> bool
 }
 dispatched! {
-    /// [`linpred_core::denoise_cells`].
-    denoise_cells[C: Cells<TILE_FEATURES>](
-        cells: &mut C,
+    /// [`linpred_core::denoise_cells`]. Whose cells they are is not known when it is compiled: it is most of what the compiler does for this crate, and would be made for each.
+    denoise_cells(
+        cells: &mut dyn Cells<TILE_FEATURES>,
         params: &Params,
         scratch: &mut Scratch<TILE_FEATURES, LANES>
     ) -> ()
@@ -101,17 +101,17 @@ impl InstructionSet {
     /// The same of tiles with further features. They are compiled for AVX2 at most, which AVX-512 has, too: the compiler has one set less to make, and each costs it
     /// as much as for the others.
     #[cfg_attr(not(target_arch = "x86_64"), inline)]
-    pub(crate) fn denoise_wide_cells<C: Cells<WIDE_TILE_FEATURES>>(
+    pub(crate) fn denoise_wide_cells(
         self,
-        cells: &mut C,
+        cells: &mut dyn Cells<WIDE_TILE_FEATURES>,
         params: &Params,
         scratch: &mut Scratch<WIDE_TILE_FEATURES, LANES>,
     ) {
         #[cfg(target_arch = "x86_64")]
         {
             #[target_feature(enable = "avx2")]
-            fn avx2<C: Cells<WIDE_TILE_FEATURES>>(
-                cells: &mut C,
+            fn avx2(
+                cells: &mut dyn Cells<WIDE_TILE_FEATURES>,
                 params: &Params,
                 scratch: &mut Scratch<WIDE_TILE_FEATURES, LANES>,
             ) {
