@@ -13,7 +13,7 @@
 )]
 
 use crate::block::plane::columns;
-use crate::finish::{FinishedPlane, RUN, Run, mean_of_channels, run, runs, store};
+use crate::finish::{FinishedPlane, RUN, Run, is_zero, mean_of_channels, run, runs, store};
 use crate::float::{larger, smaller};
 
 /// Rows above and below that a pixel is compared with.
@@ -49,6 +49,16 @@ pub struct SpeckRow<'a> {
 #[inline(always)]
 pub fn despeckle(input: &SpeckRow<'_>, planes: &mut [FinishedPlane<'_, DESPECKLE_SPAN>]) {
     for first in runs(input.noisy.len()) {
+        if is_zero(run(input.noisy, first)) {
+            for plane in planes.iter_mut() {
+                store(
+                    plane.output,
+                    first,
+                    run(plane.rows[DESPECKLE_RADIUS], first),
+                );
+            }
+            continue;
+        }
         let (scales, fills) = scales(input, first);
         for plane in planes.iter_mut() {
             let sums = sums_of_8(&plane.rows, first);

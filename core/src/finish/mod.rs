@@ -52,6 +52,17 @@ pub(crate) fn store(plane: &mut [f32], first: usize, values: &Run) {
     }
 }
 
+/// Whether a run is 0 throughout: where no pixel is noisy, or takes part, there is nothing to do.
+#[inline(always)]
+pub(crate) fn is_zero(values: &Run) -> bool {
+    let mut any = 0;
+    for value in values {
+        // of both zeros; no branch, so that the compiler makes vectors of it
+        any |= value.to_bits() << 1;
+    }
+    any == 0
+}
+
 /// A plane on its way through a stage, a channel of the colour or of a layer: `N` rows of it, and the row that they make.
 #[derive(Debug)]
 pub struct FinishedPlane<'a, const N: usize> {

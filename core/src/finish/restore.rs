@@ -13,7 +13,7 @@
 //! input cannot be compared, but were predicted by the same models: they take the factor of those around.
 
 use crate::block::plane::columns;
-use crate::finish::{RUN, Run, mean_of_channels, run, runs, store};
+use crate::finish::{RUN, Run, is_zero, mean_of_channels, run, runs, store};
 
 /// Half-width of the neighbourhood.
 pub const RESTORE_RADIUS: usize = 16;
@@ -74,11 +74,15 @@ pub fn find_factors(
     output: &mut [f32],
 ) {
     for first in runs(output.len()) {
+        let noisy = run(noisy, first);
+        if is_zero(noisy) {
+            store(output, first, &[1.0; RUN]);
+            continue;
+        }
         let [lost, light, variance] = planes;
         let lost = sums_33x33(lost, first, &WEIGHTS);
         let light = sums_33x33(light, first, &WEIGHTS);
         let variance = sums_33x33(variance, first, &SQUARED_WEIGHTS);
-        let noisy = run(noisy, first);
         let mut factors = [1.0; RUN];
         for x in 0..RUN {
             // Of sums in place of means: the square of the weights' sum divides both r^2 and q.

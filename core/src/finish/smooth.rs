@@ -29,7 +29,7 @@
 
 use crate::block::plane::columns;
 use crate::features::{FEATURES, Feature};
-use crate::finish::{FinishedPlane, RUN, Run, run, runs, store};
+use crate::finish::{FinishedPlane, RUN, Run, is_zero, run, runs, store};
 use crate::float::{larger, smaller};
 
 /// Half-width of the neighbours, in steps.
@@ -128,6 +128,15 @@ pub struct Precisions<'a> {
 #[inline(always)]
 pub fn weigh_pixels(pass: &Smoothing, input: &Surroundings<'_>, output: &mut Precisions<'_>) {
     for first in runs(output.takes_part.len()) {
+        if is_zero(run(input.noisy, first)) {
+            // What has no part is compared with nothing.
+            store(output.takes_part, first, &[0.0; RUN]);
+            store(output.colour, first, &[0.0; RUN]);
+            for feature in &mut output.features {
+                store(feature, first, &[0.0; RUN]);
+            }
+            continue;
+        }
         weigh_colours(pass, input, first, output);
         let [normal, albedo, depth] = &mut output.features;
         let [of_normal, of_albedo, of_depth] = input.feature_variance.map(|row| run(row, first));
@@ -307,7 +316,14 @@ pub fn smooth(
 ) {
     let step = smaller_step(pass);
     let mut weights = Weights::ZERO;
-    for first in runs(rows[SMOOTH_RADIUS].takes_part.len()) {
+    let own = rows[SMOOTH_RADIUS].takes_part;
+    for first in runs(own.len()) {
+        if is_zero(run(own, first)) {
+            for plane in planes.iter_mut() {
+                store(plane.output, first, run(plane.rows[SMOOTH_RADIUS], first));
+            }
+            continue;
+        }
         weights.compare(rows, step, first);
         for plane in planes.iter_mut() {
             let smoothed = weights.average(&plane.rows, step, first);

@@ -94,7 +94,7 @@ impl ExrFile {
 
     /// A checksum (CRC-32) of what tells the file from others: where its chunks lie, and the bytes of some of them.
     pub fn fingerprint(&self) -> Result<u32, Error> {
-        let mut crc = flate2::Crc::new();
+        let mut crc = libdeflater::Crc::new();
         crc.update(&self.length.to_le_bytes());
         for (part, table) in self.offsets.iter().enumerate() {
             crc.update(bytemuck::cast_slice(table));

@@ -7,7 +7,7 @@ use exr::meta::attribute::IntegerBounds;
 use crate::error::Error;
 use crate::exr_file::compression::SharedCodec;
 use crate::exr_file::writer::ExrWriter;
-use crate::exr_file::{ExrFile, PartRows, check_decodable};
+use crate::exr_file::{ExrFile, Part, PartRows, check_decodable};
 use crate::image::chunk::{Lines, encode_samples, write_chunk};
 use crate::image::rewrite::{Fill, RewrittenPart};
 use crate::row::OutputRow;
@@ -135,17 +135,40 @@ impl PartInProgress {
             return Ok(());
         }
         for column in 0..grid.columns() {
-            self.assemble(column, chunk_row)?;
-            let (header, place) = (&self.part.header, (self.part.index, column, chunk_row));
+            let unchanged = self.assemble(column, chunk_row)?;
+            let index = self.part.index;
+            if unchanged && let Some(from) = self.same_chunk(column, chunk_row) {
+                let to = chunk_row * grid.columns() + column;
+                writer.copy_chunk((index, to), &self.input, (index, from))?;
+                continue;
+            }
+            let (header, place) = (&self.part.header, (index, column, chunk_row));
             write_chunk(writer, &self.codec, header, grid, place, &mut self.chunk)?;
         }
         Ok(())
     }
 
-    /// A chunk of the output: what is kept of the input, and what was denoised.
-    fn assemble(&mut self, column: usize, chunk_row: usize) -> Result<(), Error> {
+    /// The chunk of the input that holds the same channels of the same pixels, stored in the same way.
+    fn same_chunk(&self, column: usize, chunk_row: usize) -> Option<usize> {
+        let (grid, header) = (self.part.grid, &self.part.header);
+        let Part {
+            grid: old_grid,
+            header: old,
+            ..
+        } = &self.input.parts()[self.part.index];
+        let row = self.first_row / grid.chunk_height() + chunk_row;
+        let same = matches!(self.kept, Kept::Chunks)
+            && old.channels == header.channels
+            && old.compression == header.compression
+            && old_grid.bounds(column, row).size == grid.bounds(column, chunk_row).size;
+        same.then_some(row * old_grid.columns() + column)
+    }
+
+    /// A chunk of the output: what is kept of the input, and what was denoised. Tells whether nothing of that differs from what the input holds in its place, if it holds the same channels.
+    fn assemble(&mut self, column: usize, chunk_row: usize) -> Result<bool, Error> {
         let bounds = self.part.grid.bounds(column, chunk_row);
         self.fill_kept(column, chunk_row, bounds)?;
+        let mut unchanged = true;
         let width = self.part.header.layer_size.0;
         let lines = Lines::new(&self.part.header.channels, bounds);
         for (channel, denoised) in self.denoised.iter().enumerate() {
@@ -158,11 +181,12 @@ impl PartInProgress {
                 .enumerate()
             {
                 let at = lines.range(channel, line);
-                let length = at.len();
-                self.chunk[at].copy_from_slice(&samples[x..x + length]);
+                let samples = &samples[x..x + at.len()];
+                unchanged = unchanged && self.chunk[at.clone()] == *samples;
+                self.chunk[at].copy_from_slice(samples);
             }
         }
-        Ok(())
+        Ok(unchanged)
     }
 
     /// Makes a chunk of the output with the kept channels in place; the others hold anything.

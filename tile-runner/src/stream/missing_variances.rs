@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use crate::row::{RowLayout, VarianceKind};
 use crate::stream::borders::{copy_mirrored, mirrored};
 use crate::stream::held_rows::HeldRows;
-use crate::stream::instruction_set::InstructionSet;
+use linpred_dispatch::InstructionSet;
 
 /// Blocks that each thread estimates before their results are stored.
 const BLOCKS_PER_THREAD: usize = 4;

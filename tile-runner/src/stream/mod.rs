@@ -4,7 +4,6 @@ mod borders;
 pub(crate) mod finish;
 mod fireflies;
 mod held_rows;
-pub(crate) mod instruction_set;
 mod missing_variances;
 mod neighbourhood;
 pub mod overlap;

@@ -21,13 +21,13 @@ use rayon::prelude::*;
 use crate::error::Error;
 use crate::row::{OutputRow, RowLayout, RowSink, RowSource};
 use crate::stream::finish::{self, Finish};
-use crate::stream::instruction_set::InstructionSet;
 use crate::stream::preparation::{INPUT_HALO, LOOK_BELOW, Preparation};
 use crate::stream::report::{Counts, Report};
 use crate::stream::resolved_row::{ResolvedRow, rows_per_thread};
 use crate::stream::row_of_cells::CellBenches;
 use crate::stream::sum_rows::SumRows;
 use crate::stream::threads::{Threads, pool, stack_bytes, threads_to_use};
+use linpred_dispatch::InstructionSet;
 
 /// How to run: what to compute, and on how many threads.
 #[derive(Clone, Copy, Debug)]

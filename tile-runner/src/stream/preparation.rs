@@ -11,11 +11,11 @@ use crate::error::Error;
 use crate::row::{InputRow, RowLayout, RowSource};
 use crate::stream::fireflies::Fireflies;
 use crate::stream::held_rows::{ColourRow, GuideRow, HeldRows};
-use crate::stream::instruction_set::InstructionSet;
 use crate::stream::missing_variances::{MISSING_HALO, Missing};
 use crate::stream::neighbourhood::{Neighbourhood, prepared_from};
 use crate::stream::prepared_rows::{BLOCK_HALO, BlockBench, PreparedRows};
 use crate::stream::report::Counts;
+use linpred_dispatch::InstructionSet;
 
 /// Rows below a row of cells that its pixels depend on, beside [`INPUT_HALO`].
 pub(crate) const LOOK_BELOW: usize = HALO + BLOCK_HALO;

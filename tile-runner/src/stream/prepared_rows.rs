@@ -14,7 +14,7 @@ use crate::geometry::plane_bytes;
 use crate::row::RowLayout;
 use crate::stream::borders::copy_clamped;
 use crate::stream::held_rows::HeldRows;
-use crate::stream::instruction_set::InstructionSet;
+use linpred_dispatch::InstructionSet;
 
 /// Rows of input around a row of blocks that it is made of.
 pub(crate) const BLOCK_HALO: usize = WEIGHTS_HALO;

@@ -11,9 +11,9 @@ use linpred_core::{
 use rayon::prelude::*;
 
 use crate::row::RowLayout;
-use crate::stream::instruction_set::{InstructionSet, LANES};
 use crate::stream::neighbourhood::Neighbourhood;
 use crate::stream::sum_rows::{Adding, SumRows};
+use linpred_dispatch::{InstructionSet, LANES};
 
 /// Where rows of cells are denoised, one after the other.
 pub(crate) struct CellBenches {

@@ -8,11 +8,11 @@ use linpred_core::{CELL, FEATURE_NAMES, Formulas, MAX_FEATURES, Params, PixelSta
 
 use crate::error::Error;
 use crate::row::{RowLayout, RowSource};
-use crate::stream::instruction_set::InstructionSet;
 use crate::stream::neighbourhood::Neighbourhood;
 use crate::stream::preparation::Preparation;
 use crate::stream::report::Counts;
 use crate::stream::threads::{pool, stack_bytes};
+use linpred_dispatch::InstructionSet;
 
 /// What the pixels of an image hold.
 #[derive(Clone, Debug, Default, PartialEq)]

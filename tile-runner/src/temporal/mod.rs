@@ -30,7 +30,6 @@ use crate::error::Error;
 use crate::geometry::plane_bytes;
 use crate::row::{InputRow, Motion, RowLayout, RowSource, VarianceKind};
 use crate::stream::finish::planes::{Plane, padded_bytes};
-use crate::stream::instruction_set::InstructionSet;
 use crate::stream::row_ring::RowRing;
 use crate::stream::sum_of_variances;
 use crate::stream::threads::{Threads, pool, stack_bytes};
@@ -38,6 +37,7 @@ use crate::temporal::held_frame::most_rows;
 use crate::temporal::neighbour::{Comparison, Neighbour};
 use crate::temporal::planes::{Planes, averaged_mut};
 use crate::temporal::side::{Direction, Side};
+use linpred_dispatch::InstructionSet;
 
 /// Rows of a neighbour that wait to be filled again.
 const HELD_BESIDE: usize = held_frame::SPARE;

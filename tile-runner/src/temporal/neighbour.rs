@@ -7,11 +7,11 @@ use linpred_core::{
 use crate::error::Error;
 use crate::row::{RowLayout, RowSource};
 use crate::stream::finish::planes::Plane;
-use crate::stream::instruction_set::InstructionSet;
 use crate::stream::row_ring::RowRing;
 use crate::temporal::held_frame::HeldFrame;
 use crate::temporal::planes::Planes;
 use crate::temporal::track::Track;
+use linpred_dispatch::InstructionSet;
 
 /// Depths of a neighbour change by this factor at most, or by its inverse.
 const LARGEST_CHANGE: f32 = 2.0;

@@ -1,8 +1,7 @@
 //! Decodes and encodes chunks, one at a time.
 //!
 //! All compressions are the `exr` crate's but zip and the encoding of PIZ. Zip is what most renders use: its deflate took three quarters of
-//! the time of reading and writing a file, and its buffers most of the memory. Measured on one megapixel of 26 channels (78 MiB of noise and
-//! features): `miniz_oxide` at level 4, the crate's, 774 ms for 27.1 MB; zlib-rs at level 4 387 ms for 27.5 MB. The buffers
+//! the time of reading and writing a file, and its buffers most of the memory. It is libdeflate's, as in OpenEXR itself. The buffers
 //! here are used again for every chunk, and a reader takes no more out of them than the channels that it wants.
 
 pub mod coder_panics;
@@ -10,19 +9,21 @@ pub(super) mod dwa_leader;
 mod piz;
 mod predictor;
 
+use std::fmt;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use exr::math::Vec2;
 use exr::meta::attribute::{Compression, IntegerBounds};
 use exr::meta::header::Header;
-use flate2::{Compress, Decompress, FlushCompress, FlushDecompress, Status};
+use libdeflater::{CompressionLvl, Compressor, Decompressor};
 
 use predictor::{add_differences, interleave, separate, subtract_neighbours};
 
-/// Deflate level: OpenEXR's own default. Time and size on 26 channels of 512 x 512 pixels at level 1: 105 ms, 14.0 MB; 2: 212 ms, 12.8 MB; 4: 230 ms, 12.7 MB;
-/// 6: 258 ms, 12.7 MB. Other scenes are alike: level 1 is 2.2 to 2.6 times as fast for files 9 to 12 % larger.
-const DEFLATE_LEVEL: u32 = 4;
+/// Deflate level. On 26 channels of 1920 x 1080 pixels (160 MB of noise and features) level 1 takes 641 ms for 62.4 MB; 2: 819 ms, 60.7 MB; 4, OpenEXR's own: 853 ms, 60.6 MB; 6: 1023 ms,
+/// 60.2 MB; zlib-rs at level 4: 1141 ms, 61.8 MB. That image is mirrored, which favours higher levels: on six renders of 256 x 256 and 512 x 512 level 1 is 0.0 to 1.2 % larger than 4. Inflating
+/// takes 153 ms (zlib-rs 247 ms).
+const DEFLATE_LEVEL: i32 = 1;
 
 /// A codec whose holders take turns, so that no more than one chunk's worth of working memory is in use between them.
 #[derive(Clone, Debug, Default)]
@@ -45,21 +46,26 @@ impl SharedCodec {
 pub(crate) const CODEC_AT_REST: u64 = 512 << 10;
 
 /// Codes one chunk after another; keeps its buffers and deflate's tables between them.
-#[derive(Debug)]
 pub struct ChunkCodec {
-    deflate: Compress,
-    inflate: Decompress,
+    deflate: Compressor,
+    inflate: Decompressor,
     /// The payload that is being decoded.
     pub(super) payload: Vec<u8>,
     /// A chunk's bytes at even places, then those at odd places.
     separated: Vec<u8>,
 }
 
+impl fmt::Debug for ChunkCodec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ChunkCodec").finish_non_exhaustive()
+    }
+}
+
 impl Default for ChunkCodec {
     fn default() -> Self {
         Self {
-            deflate: Compress::new(flate2::Compression::new(DEFLATE_LEVEL), true),
-            inflate: Decompress::new(true),
+            deflate: Compressor::new(CompressionLvl::new(DEFLATE_LEVEL).unwrap_or_default()),
+            inflate: Decompressor::new(),
             payload: Vec::new(),
             separated: Vec::new(),
         }
@@ -152,15 +158,11 @@ impl ChunkCodec {
 
     /// Fills `separated` from a zipped payload.
     fn unzip(&mut self, length: usize) -> Result<(), exr::error::Error> {
-        self.inflate.reset(true);
-        self.separated.clear();
-        self.separated.reserve_exact(length);
-        let status = self.inflate.decompress_vec(
-            &self.payload,
-            &mut self.separated,
-            FlushDecompress::Finish,
-        );
-        if !matches!(status, Ok(Status::StreamEnd)) || self.separated.len() != length {
+        resize_exact(&mut self.separated, length);
+        let inflated = self
+            .inflate
+            .zlib_decompress(&self.payload, &mut self.separated);
+        if inflated != Ok(length) {
             return Err(exr::error::Error::Invalid(
                 "ZIP-compressed data malformed".into(),
             ));
@@ -173,18 +175,27 @@ impl ChunkCodec {
         let length = chunk.len();
         separate(chunk, &mut self.separated);
         subtract_neighbours(&mut self.separated);
-        self.deflate.reset();
-        chunk.clear();
-        // writes no more than the capacity
-        let status = self
-            .deflate
-            .compress_vec(&self.separated, chunk, FlushCompress::Finish);
-        if !matches!(status, Ok(Status::StreamEnd)) || chunk.len() >= length {
-            chunk.clear();
-            add_differences(&mut self.separated);
-            interleave(&self.separated, 0..length, chunk);
+        // as long as a chunk is one that is not compressed
+        let room = &mut chunk[..length.saturating_sub(1)];
+        match self.deflate.zlib_compress(&self.separated, room) {
+            Ok(compressed) => chunk.truncate(compressed),
+            Err(_) => {
+                chunk.clear();
+                add_differences(&mut self.separated);
+                interleave(&self.separated, 0..length, chunk);
+            }
         }
     }
+}
+
+/// Makes `bytes` so long; what they hold is anything. No more memory is taken than for that.
+fn resize_exact(bytes: &mut Vec<u8>, length: usize) {
+    if bytes.capacity() < length {
+        // not copied on the way
+        bytes.clear();
+        bytes.reserve_exact(length);
+    }
+    bytes.resize(length, 0);
 }
 
 /// The same chunk at (0, 0). Its place would matter to subsampled channels alone, and the crate asserts that it ends before row 2^30.

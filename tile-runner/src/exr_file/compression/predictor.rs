@@ -5,10 +5,11 @@
 
 use std::ops::Range;
 
+use super::resize_exact;
+
 /// Bytes at even places, then those at odd places.
 pub(super) fn separate(chunk: &[u8], out: &mut Vec<u8>) {
-    out.clear();
-    out.resize(chunk.len(), 0);
+    resize_exact(out, chunk.len());
     let (even, odd) = out.split_at_mut(chunk.len().div_ceil(2));
     let (pairs, last) = chunk.as_chunks::<2>();
     for ((pair, even), odd) in pairs.iter().zip(even.iter_mut()).zip(odd) {

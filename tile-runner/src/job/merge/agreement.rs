@@ -4,6 +4,8 @@
 //! pass agrees with its neighbours, the others with theirs, and the two do not with each other: a firefly, an edge, a blade of grass, or noise of whatever size does not.
 //! It takes no variance, and one sample per pixel is enough.
 
+use std::fmt;
+
 /// How many times the differences from neighbours, squared, a difference between passes is beyond noise.
 const BEYOND_NOISE: f64 = 9.0;
 
@@ -141,11 +143,17 @@ fn variation(row: &[f64], x: usize, reach: usize) -> Option<f64> {
 }
 
 /// What tells a pass from a copy of it: a checksum of its colours and counts.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(super) struct Content {
-    crc: flate2::Crc,
+    crc: libdeflater::Crc,
     /// Whether any pixel differs from the one before it: empty pictures are alike without being copies.
     pub(super) varies: bool,
+}
+
+impl fmt::Debug for Content {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Content").finish_non_exhaustive()
+    }
 }
 
 impl Content {

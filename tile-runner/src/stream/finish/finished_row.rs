@@ -6,8 +6,8 @@ use crate::row::{OutputRow, RowLayout};
 use crate::stream::finish::blended_rows::{BlendedRows, nearest};
 use crate::stream::finish::cleared_rows::ClearedRow;
 use crate::stream::finish::planes::Plane;
-use crate::stream::instruction_set::InstructionSet;
 use crate::stream::row_ring::RowRing;
+use linpred_dispatch::InstructionSet;
 
 /// A row.
 pub(crate) struct FinishedRow {

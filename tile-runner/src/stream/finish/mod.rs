@@ -27,9 +27,9 @@ use crate::stream::finish::cleared_rows::ClearedRow;
 use crate::stream::finish::finished_row::FinishedRow;
 use crate::stream::finish::planes::{Radiance, padded_bytes};
 use crate::stream::finish::smoothing::Pass;
-use crate::stream::instruction_set::InstructionSet;
 use crate::stream::neighbourhood::PixelRow;
 use crate::stream::row_ring::RowRing;
+use linpred_dispatch::InstructionSet;
 
 /// Rows from one to its farthest neighbour in each pass.
 const REACH: [usize; SMOOTHINGS.len()] = [SMOOTHINGS[0].reach(), SMOOTHINGS[1].reach()];

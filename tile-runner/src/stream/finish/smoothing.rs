@@ -9,8 +9,8 @@ use crate::row::RowLayout;
 use crate::stream::finish::blended_rows::{BlendedRows, extend, nearest};
 use crate::stream::finish::planes::{Plane, Radiance};
 use crate::stream::finish::ready;
-use crate::stream::instruction_set::InstructionSet;
 use crate::stream::row_ring::RowRing;
+use linpred_dispatch::InstructionSet;
 
 /// A pass and the rows that it holds.
 pub(crate) struct Pass {
