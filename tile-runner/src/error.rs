@@ -104,6 +104,8 @@ pub enum Setting {
     OtherHalf,
     /// [`JobOptions::band`](crate::job::JobOptions).
     Band,
+    /// [`OutputOptions::compression`](crate::image::OutputOptions).
+    Compression,
 }
 
 impl fmt::Display for Setting {
@@ -114,6 +116,7 @@ impl fmt::Display for Setting {
             Self::Layers => "layers",
             Self::OtherHalf => "other-half",
             Self::Band => "band",
+            Self::Compression => "compression",
         })
     }
 }

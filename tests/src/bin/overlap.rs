@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use linpred::image::ExtraLayers;
+use linpred::image::OutputOptions;
 use linpred::job::{Input, InputRequest, JobOptions};
 use linpred::overlap::{ROWS_IN_FLIGHT, ReadAhead, WriteBehind};
 use linpred::{InputRow, Options, OutputRow, RowLayout, RowSink, RowSource, denoise};
@@ -91,7 +91,7 @@ fn read_and_write(input: &Input, output: &Path) -> Result<(), linpred::Error> {
     let mut source = input.source(u64::MAX)?;
     let layout = source.layout();
     let stop = Arc::new(AtomicBool::new(false));
-    let mut sink = input.sink(output, ExtraLayers::default(), u64::MAX, stop)?;
+    let mut sink = input.sink(output, OutputOptions::default(), u64::MAX, stop)?;
     std::thread::scope(|scope| -> Result<(), linpred::Error> {
         let mut ahead = ReadAhead::start(scope, &mut source, ROWS_IN_FLIGHT)?;
         let mut behind = WriteBehind::start(scope, &mut sink, ROWS_IN_FLIGHT)?;

@@ -4,6 +4,7 @@ mod alpha_follows_the_colour;
 mod bands_make_the_frame;
 mod borders_of_pictures;
 mod compressions_of_later_versions;
+mod compressions_that_are_asked_for;
 mod damaged_files;
 mod deep_parts_are_copied;
 mod features_by_name;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use exr::prelude::*;
-use linpred::image::{ExrSink, ExtraLayers};
+use linpred::image::{ExrSink, OutputOptions};
 use linpred::job::{Input, InputRequest};
 use linpred::{InputRow, OutputRow, RowSink, RowSource, VarianceKind};
 use linpred_tests::command::denoise_file;
@@ -24,7 +24,7 @@ fn open(path: &Path, layers: &[&str]) -> Input {
 }
 
 /// A sink for what denoising `input` gives.
-fn sink(input: &Input, output: &Path, extra: ExtraLayers) -> ExrSink {
+fn sink(input: &Input, output: &Path, extra: OutputOptions) -> ExrSink {
     let stop = Arc::new(AtomicBool::new(false));
     input.sink(output, extra, LIMIT, stop).unwrap()
 }
@@ -43,7 +43,7 @@ fn rows(input: &Input) -> Vec<InputRow> {
 }
 
 /// Writes an output whose planes are constants, distinct by role.
-fn write_constants(input: &Input, output: &Path, extra: ExtraLayers) {
+fn write_constants(input: &Input, output: &Path, extra: OutputOptions) {
     let mut sink = sink(input, output, extra);
     let plane = |value| vec![value; SIZE.0];
     let mut row = OutputRow::default();
@@ -171,9 +171,10 @@ fn every_plane_of_the_output_goes_to_its_own_channel() {
     write_constants(
         &input,
         &output,
-        ExtraLayers {
+        OutputOptions {
             error: true,
             models: true,
+            ..OutputOptions::default()
         },
     );
     let image = read(&output);
@@ -221,7 +222,7 @@ fn layers_in_parts_of_their_own_are_written_there() {
     ];
     write(&path, SIZE, parts);
     let input = open(&path, &["Diffuse"]);
-    write_constants(&input, &output, ExtraLayers::default());
+    write_constants(&input, &output, OutputOptions::default());
     let image = read(&output);
     assert_eq!(value(&image, 0, "VL.Diffuse.G"), 8.25);
     assert_eq!(value(&image, 1, "VL.Combined.G"), 1.5);
@@ -259,7 +260,7 @@ fn a_colour_beyond_half_precision_is_clamped_and_counted() {
         vec![part(["R", "G", "B"].map(|c| half(c, PIXELS, 1)).to_vec())],
     );
     let input = open(&path, &[]);
-    let mut sink = sink(&input, &output, ExtraLayers::default());
+    let mut sink = sink(&input, &output, OutputOptions::default());
     let mut row = OutputRow::default();
     row.colour = [(); 3].map(|()| vec![1e6; SIZE.0]);
     for y in 0..SIZE.1 {
@@ -275,7 +276,7 @@ fn an_unfinished_sink_leaves_nothing() {
     let (path, output) = (folder.path().join("in.exr"), folder.path().join("out.exr"));
     write(&path, SIZE, vec![part(colour(PIXELS))]);
     let input = open(&path, &[]);
-    let sink = sink(&input, &output, ExtraLayers::default());
+    let sink = sink(&input, &output, OutputOptions::default());
     assert!(folder.path().join("out.exr.part").exists());
     drop(sink);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);

@@ -3,7 +3,7 @@
 use std::num::NonZeroUsize;
 use std::path::Path;
 
-use linpred::image::ExtraLayers;
+use linpred::image::OutputOptions;
 use linpred::job::{Input, InputRequest, JobOptions, denoise};
 use linpred::{Options, Params, Quality};
 
@@ -17,9 +17,10 @@ fn of_the_sample() {
         let input = Input::open(&InputRequest::new(&noisy)).unwrap();
         let pipeline = Options::new(Params::new(Quality::Balanced));
         let pipeline = pipeline.with_threads(NonZeroUsize::new(threads).unwrap());
-        let options = JobOptions::new(pipeline).with_extra(ExtraLayers {
+        let options = JobOptions::new(pipeline).with_output(OutputOptions {
             error: true,
             models: true,
+            ..OutputOptions::default()
         });
         denoise(
             std::slice::from_ref(&input),

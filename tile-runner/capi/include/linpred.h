@@ -688,6 +688,12 @@ typedef struct linpred_file_options {
      * May be NULL if the count is 0.
      */
     const char *const *features;
+    /**
+     * How what is denoised is stored, as the command's --compression has it: "keep", "zip", "zips", "rle", "piz",
+     * "dwaa" or "none". NULL is "keep": as in the input, but with zip where that would lose data of what is added or
+     * kept.
+     */
+    const char *compression;
 } linpred_file_options;
 
 /**

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::channel;
 
 use linpred::channels::{FeatureRequest, RoleRequest};
-use linpred::image::ExtraLayers;
+use linpred::image::{OutputCompression, OutputOptions};
 use linpred::job::{self, FrameFiles, Input, InputRequest, JobOptions, NeighbourFiles, Remark};
 use linpred::sampling::{Goal, Summary};
 use linpred::{Error, FURTHER, Options, Report};
@@ -52,6 +52,10 @@ pub struct linpred_file_options {
     /// has a name of its own; or "auto" for those that the renderer is known to write. 1 to 3 channels each, 6 in all.
     /// May be NULL if the count is 0.
     pub features: *const *const c_char,
+    /// How what is denoised is stored, as the command's --compression has it: "keep", "zip", "zips", "rle", "piz",
+    /// "dwaa" or "none". NULL is "keep": as in the input, but with zip where that would lose data of what is added or
+    /// kept.
+    pub compression: *const c_char,
 }
 
 // SAFETY: the size first, then pointers and numbers
@@ -92,6 +96,7 @@ unsafe fn request(
             before_count: 0,
             after_count: 0,
             features: null(),
+            compression: null(),
         },
         // SAFETY: the caller's promise
         false => unsafe { versioned::read(options) }?,
@@ -120,6 +125,11 @@ unsafe fn request(
         features: unsafe { features(given.features, given.feature_count) }?,
         ..RoleRequest::default()
     };
+    let compression = match given.compression.is_null() {
+        true => OutputCompression::default(),
+        // SAFETY: the caller's promise
+        false => OutputCompression::parse(unsafe { utf8("compression", given.compression) }?)?,
+    };
     Ok(Request {
         input: InputRequest::new(input)
             .with_other_half(other_half)
@@ -129,9 +139,10 @@ unsafe fn request(
         output,
         options: JobOptions::new(compute)
             .with_memory_limit(limit)
-            .with_extra(ExtraLayers {
+            .with_output(OutputOptions {
                 error: flag("error_layer", given.error_layer)?,
                 models: flag("models_layer", given.models_layer)?,
+                compression,
             }),
     })
 }
@@ -208,7 +219,7 @@ fn denoise(denoiser: &mut Denoiser, request: &Request) -> Result<(), Failure> {
         None => Input::open_all(&request.input)?,
         Some(files) => job::open_frame(&request.input, files)?,
     };
-    let remarks = job::remarks(&pictures, request.options.extra)?.into_iter();
+    let remarks = job::remarks(&pictures, request.options.output)?.into_iter();
     let warnings = remarks.filter_map(|remark| match remark {
         Remark::Warning(warning) => Some(warning),
         Remark::Note(_) => None,
@@ -234,9 +245,9 @@ fn denoise(denoiser: &mut Denoiser, request: &Request) -> Result<(), Failure> {
 
 fn sample_map(denoiser: &mut Denoiser, request: &Request, goal: Goal) -> Result<Summary, Failure> {
     let (output, options) = (&request.output, &request.options);
-    if options.extra != ExtraLayers::default() {
+    if options.output != OutputOptions::default() {
         return Err(Failure::argument(
-            "error_layer or models_layer is 1, but a map of samples has no layers beside it",
+            "error_layer or models_layer is 1, or there is a compression, but a map of samples has no layers beside it and is stored with zip",
         ));
     }
     if request.neighbours.is_some() {

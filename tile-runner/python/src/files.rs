@@ -8,7 +8,7 @@ use std::sync::atomic::Ordering;
 
 use linpred::channels::{FeatureRequest, Mapping, PRESET_NAMES, Preset, RoleRequest};
 use linpred::cli;
-use linpred::image::ExtraLayers;
+use linpred::image::{OutputCompression, OutputOptions};
 use linpred::job::{
     self, Band, CompareRequest, FrameFiles, Input, InputRequest, JobOptions, MergeRequest, Merging,
     NeighbourFiles, Remark, Wrap,
@@ -147,13 +147,15 @@ pub(crate) struct Writing {
     error_layer: bool,
     models_layer: bool,
     band: Option<String>,
+    compression: String,
 }
 
 impl Writing {
     fn options(&self, computing: &Computing, limit: Option<u64>) -> PyResult<JobOptions> {
-        let options = JobOptions::new(computing.options()?).with_extra(ExtraLayers {
+        let options = JobOptions::new(computing.options()?).with_output(OutputOptions {
             error: self.error_layer,
             models: self.models_layer,
+            compression: OutputCompression::parse(&self.compression).map_err(raise)?,
         });
         let limit = limit.unwrap_or(options.memory_limit);
         let options = options.with_memory_limit(limit);
@@ -241,7 +243,7 @@ pub(crate) fn denoise_file<'py>(
     let pictures = py.detach(|| open(&request, neighbours)).map_err(raise)?;
     let rows = job::rows_to_write(&pictures, &options).map_err(raise)?;
     let (mut notes, mut warnings) = (Vec::new(), Vec::new());
-    for remark in job::remarks(&pictures, options.extra).map_err(raise)? {
+    for remark in job::remarks(&pictures, options.output).map_err(raise)? {
         match remark {
             Remark::Note(note) => notes.push(note),
             Remark::Warning(warning) => warnings.push(warning),

@@ -55,10 +55,11 @@ def test_options_are_those_of_the_command(tmp_path: Path) -> None:
         wrap="x",
         error_layer=True,
         models_layer=True,
+        compression="piz",
         max_memory="1G",
     )
     linpred.denoise_file(SAMPLE, tmp_path / "package.exr", **options)
-    written = "--quality fast --coverage 2 --preset auto --map albedo=none --map depth=Z --spp 16 --layers albedo --wrap x --error-layer --models-layer"
+    written = "--quality fast --coverage 2 --preset auto --map albedo=none --map depth=Z --spp 16 --layers albedo --wrap x --error-layer --models-layer --compression piz"
     done = command("denoise", SAMPLE, "-o", tmp_path / "command.exr", *written.split(), "--max-memory", "1G")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "package.exr").read_bytes() == (tmp_path / "command.exr").read_bytes()

@@ -4,7 +4,9 @@ use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
 
 use crate::channels::{FeatureRequest, Mapping, PRESET_NAMES};
+use crate::image::OutputCompression;
 use crate::job::{Band, parse_frames};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgGroup, Args, Parser, Subcommand, ValueEnum};
 
 use super::number::{
@@ -98,6 +100,7 @@ impl Command {
 Examples:
   linpred denoise noisy.exr -o clean.exr
   linpred denoise noisy.exr -o clean.exr --quality high --error-layer
+  linpred denoise noisy.exr -o preview.exr --quality fast --compression none
   linpred denoise moments.exr -o clean.exr --preset mitsuba --spp 64
   linpred denoise odd.exr -o clean.exr --map colour=main --map albedo=kd --map variance=none
   linpred denoise first_half.exr --other-half second_half.exr -o clean.exr
@@ -127,6 +130,10 @@ pub(crate) struct DenoiseArguments {
     /// many frames it is made
     #[arg(long)]
     pub(crate) models_layer: bool,
+    /// How what is denoised is stored; parts of which nothing is are copied as they are stored. 'keep': as in the input, but with zip where that would lose data of what is added
+    /// or kept. 'zip' and 'none' are the fastest; 'dwaa' loses data of every channel that is called R, G or B
+    #[arg(long, value_parser = compression_names(), default_value = "keep")]
+    pub(crate) compression: OutputCompression,
     /// Threads that compute, at most one on each processor; the result does not depend on it [default: all processors]
     #[arg(long, value_name = "N", value_parser = parse_threads)]
     pub(crate) threads: Option<NonZeroUsize>,
@@ -167,6 +174,12 @@ pub(crate) struct DenoiseArguments {
     /// How progress is shown on standard error: a bar on a terminal, nothing on a pipe, unless said otherwise
     #[arg(long, value_enum, default_value_t = ProgressStyle::Auto)]
     pub(crate) progress: ProgressStyle,
+}
+
+/// Compressions by their names.
+fn compression_names() -> impl TypedValueParser<Value = OutputCompression> {
+    let names = OutputCompression::NAMES.map(|(name, _)| name);
+    PossibleValuesParser::new(names).try_map(|name| OutputCompression::parse(&name))
 }
 
 #[derive(Debug, Args)]

@@ -9,7 +9,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use crate::channels::{Preset, RoleRequest};
-use crate::image::ExtraLayers;
+use crate::image::OutputOptions;
 use crate::job::{
     self, Frame, Input, InputRequest, JobOptions, MemoryPlan, NeighbourFiles, Remark, Schedule,
     Wrap,
@@ -122,7 +122,7 @@ impl Run {
         for assignment in assignments {
             tracing::debug!("{}: {}", assignment.role.name(), assignment.rule);
         }
-        self.say_once(job::remarks(pictures, self.options.extra)?);
+        self.say_once(job::remarks(pictures, self.options.output)?);
         Ok(())
     }
 
@@ -178,9 +178,10 @@ fn options(arguments: &DenoiseArguments) -> JobOptions {
         params.coverage = coverage;
     }
     let pipeline = Options::new(params).with_threads(threads::to_use(arguments.threads));
-    let mut options = JobOptions::new(pipeline).with_extra(ExtraLayers {
+    let mut options = JobOptions::new(pipeline).with_output(OutputOptions {
         error: arguments.error_layer,
         models: arguments.models_layer,
+        compression: arguments.compression,
     });
     if let Some(limit) = arguments.max_memory {
         options = options.with_memory_limit(limit);

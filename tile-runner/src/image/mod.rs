@@ -12,6 +12,8 @@ pub(crate) mod source;
 
 pub use area::{Area, Placed, Unwrapped, Wrapped};
 pub use frame::{Frame, Interleaved, Pixels};
-pub use rewrite::{ERROR_CHANNEL, ExtraLayers, FRAMES_CHANNEL, RADIUS_CHANNEL, RANK_CHANNEL};
+pub use rewrite::{
+    ERROR_CHANNEL, FRAMES_CHANNEL, OutputCompression, OutputOptions, RADIUS_CHANNEL, RANK_CHANNEL,
+};
 pub use sink::ExrSink;
 pub use source::ExrSource;

@@ -6,8 +6,9 @@ use exr::meta::attribute::{
 use exr::meta::header::Header;
 use exr::meta::{BlockDescription, compute_chunk_count};
 
+use crate::channels::identifiers::{Cryptomattes, is_identifier};
 use crate::channels::names::ChannelRef;
-use crate::error::Error;
+use crate::error::{Error, Setting};
 use crate::exr_file::attributes::{Attributes, FLAG_LONG_NAMES};
 use crate::exr_file::grid::ChunkGrid;
 use crate::exr_file::writer::OutputPart;
@@ -23,16 +24,79 @@ pub const RANK_CHANNEL: &str = "linpred.rank";
 /// Channel with the number of frames that a pixel is made of, its own among them.
 pub const FRAMES_CHANNEL: &str = "linpred.frames";
 
-/// What goes into the output beside the denoised colour.
+/// How the parts are stored that are written anew; the others are copied as they are stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ExtraLayers {
+pub enum OutputCompression {
+    /// As the input stores them; with ZIP where that would lose data of what is added or kept.
+    #[default]
+    Keep,
+    /// Not compressed.
+    None,
+    /// Run lengths.
+    Rle,
+    /// Deflate, line by line.
+    Zips,
+    /// Deflate, 16 lines at a time.
+    Zip,
+    /// Wavelets and Huffman codes, 32 lines at a time: small for grain, slow.
+    Piz,
+    /// Cosines, 32 lines at a time. Small, and loses data of channels whose names are those of colours (R, G, B, Y, RY, BY), also of those that are kept: identifiers as Cryptomatte's are
+    /// refused.
+    Dwaa,
+}
+
+impl OutputCompression {
+    /// All of them, by the names that OpenEXR's tools have for them.
+    pub const NAMES: [(&str, Self); 7] = [
+        ("keep", Self::Keep),
+        ("zip", Self::Zip),
+        ("zips", Self::Zips),
+        ("rle", Self::Rle),
+        ("piz", Self::Piz),
+        ("dwaa", Self::Dwaa),
+        ("none", Self::None),
+    ];
+
+    /// The compression of that name: [`Error::Setting`] with the names that there are if it is none of them.
+    pub fn parse(name: &str) -> Result<Self, Error> {
+        let mut all = Self::NAMES.into_iter();
+        let found = all.find(|(own, _)| *own == name).map(|(_, found)| found);
+        found.ok_or_else(|| Error::Setting {
+            setting: Setting::Compression,
+            value: name.to_owned(),
+            problem: format!(
+                "is none that is written; those are {}",
+                Self::NAMES.map(|(own, _)| own).join(", ")
+            ),
+        })
+    }
+
+    /// What a header states, and the number that stands for it. `None` to keep the input's.
+    fn chosen(self) -> Option<(Compression, u8)> {
+        match self {
+            Self::Keep => None,
+            Self::None => Some((Compression::Uncompressed, 0)),
+            Self::Rle => Some((Compression::RLE, 1)),
+            Self::Zips => Some((Compression::ZIP1, 2)),
+            Self::Zip => Some((Compression::ZIP16, ZIP16_CODE)),
+            Self::Piz => Some((Compression::PIZ, 4)),
+            Self::Dwaa => Some((Compression::DWAA(None), 8)),
+        }
+    }
+}
+
+/// What goes into the output beside the denoised colour, and how it is stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct OutputOptions {
     /// [`ERROR_CHANNEL`].
     pub error: bool,
     /// [`RADIUS_CHANNEL`] and [`RANK_CHANNEL`], and [`FRAMES_CHANNEL`] of a frame of a sequence.
     pub models: bool,
+    /// How it is stored.
+    pub compression: OutputCompression,
 }
 
-impl ExtraLayers {
+impl OutputOptions {
     /// The channels of picture `n`, which goes to `picture`.
     fn channels(self, n: usize, picture: &Targets) -> impl Iterator<Item = (String, Fill)> + use<> {
         let error = self.error.then_some((ERROR_CHANNEL, DenoisedPlane::Error));
@@ -181,7 +245,7 @@ impl Rewrite {
     pub fn new(
         input: &ExrFile,
         pictures: &[Targets],
-        extra: ExtraLayers,
+        options: OutputOptions,
         marks: &[(&str, String)],
     ) -> Result<Self, Error> {
         let mut output = Self {
@@ -203,10 +267,10 @@ impl Rewrite {
             let mut added = Vec::new();
             for (n, picture) in pictures.iter().enumerate() {
                 if picture.colour[0].part == part.index {
-                    added.extend(extra.channels(n, picture));
+                    added.extend(options.channels(n, picture));
                 }
             }
-            output.rewrite(input, part, fills, added, marks);
+            output.rewrite(input, part, fills, (added, options.compression), marks)?;
         }
         Ok(output)
     }
@@ -216,9 +280,9 @@ impl Rewrite {
         input: &ExrFile,
         part: &Part,
         fills: Vec<Fill>,
-        added: Vec<(String, Fill)>,
+        (added, compression): (Vec<(String, Fill)>, OutputCompression),
         marks: &[(&str, String)],
-    ) {
+    ) -> Result<(), Error> {
         let place = format!("{}: {}", input.path().display(), part.label());
         let mut header = part.header.clone();
         let mut attributes = part.attributes.clone();
@@ -226,7 +290,21 @@ impl Rewrite {
             attributes.set(name, "string", value.clone().into_bytes());
         }
         let fills = add_channels(&mut header, &mut attributes, fills, added);
-        self.choose_compression(&place, &mut header, &mut attributes, &fills);
+        let was_lossy = header.compression.may_loose_data();
+        if was_lossy {
+            self.notes.push(format!(
+                "{place}: was stored with {}, which loses data: its noise is not what was rendered",
+                header.compression
+            ));
+        }
+        match compression.chosen() {
+            None => self.keep_compression(&place, &mut header, &mut attributes, &fills),
+            Some((compression, code)) => {
+                header.compression = compression;
+                attributes.set("compression", "compression", vec![code]);
+                self.check_chosen(&place, input, &header, &fills)?;
+            }
+        }
         if header.line_order == LineOrder::Decreasing {
             self.notes.push(format!(
                 "{place}: rows were stored from bottom to top, and are written from top to bottom"
@@ -264,11 +342,40 @@ impl Rewrite {
             grid,
             fills,
         });
+        Ok(())
+    }
+
+    /// Tells what the compression that was asked for loses of channels that are kept. [`Error::Unsupported`] where those are identifiers.
+    fn check_chosen(
+        &mut self,
+        place: &str,
+        input: &ExrFile,
+        header: &Header,
+        fills: &[Fill],
+    ) -> Result<(), Error> {
+        let lost = kept_and_lossy(header, fills);
+        if lost.is_empty() {
+            return Ok(());
+        }
+        let identifiers = identifiers_of(input, &lost);
+        if !identifiers.is_empty() {
+            return Err(Error::Unsupported(format!(
+                "{place}: {} would lose data of {}, which hold identifiers: choose zip, or a lossless compression",
+                header.compression,
+                identifiers.join(" ")
+            )));
+        }
+        self.notes.push(format!(
+            "{place}: written with {}, as asked for, which loses data of what is kept: {}",
+            header.compression,
+            lost.join(" ")
+        ));
+        Ok(())
     }
 
     /// A lossy compression stays where it only meets what was denoised. It may not touch the added layers, nor, a second
     /// time, channels that are to be kept.
-    fn choose_compression(
+    fn keep_compression(
         &mut self,
         place: &str,
         header: &mut Header,
@@ -278,24 +385,10 @@ impl Rewrite {
         if !header.compression.may_loose_data() {
             return;
         }
-        self.notes.push(format!(
-            "{place}: was stored with {}, which loses data: its noise is not what was rendered",
-            header.compression
-        ));
         let added = fills
             .iter()
             .any(|fill| matches!(fill, Fill::Denoised(_, plane) if plane.is_added()));
-        let dwa = matches!(
-            header.compression,
-            Compression::DWAA(_) | Compression::DWAB(_)
-        );
-        let channels = header.channels.list.iter().zip(fills);
-        let altered = channels.filter(|(channel, fill)| {
-            dwa && matches!(fill, Fill::Input(_)) && dwa_is_lossy_for(&channel.name.to_string())
-        });
-        let altered: Vec<String> = altered
-            .map(|(channel, _)| channel.name.to_string())
-            .collect();
+        let altered = kept_and_lossy(header, fills);
         let reason = match (added, altered.is_empty()) {
             (true, _) => "so that the added layers lose nothing".to_owned(),
             (false, false) => format!("so that what is kept loses no more: {}", altered.join(" ")),
@@ -323,6 +416,31 @@ impl Rewrite {
 
 /// The value of the `compression` attribute for zip with 16 rows per chunk.
 pub(super) const ZIP16_CODE: u8 = 3;
+
+/// The names of the channels that are kept and that the header's compression alters.
+fn kept_and_lossy(header: &Header, fills: &[Fill]) -> Vec<String> {
+    let dwa = matches!(
+        header.compression,
+        Compression::DWAA(_) | Compression::DWAB(_)
+    );
+    let channels = header.channels.list.iter().zip(fills);
+    let altered = channels.filter(|(channel, fill)| {
+        dwa && matches!(fill, Fill::Input(_)) && dwa_is_lossy_for(&channel.name.to_string())
+    });
+    altered
+        .map(|(channel, _)| channel.name.to_string())
+        .collect()
+}
+
+/// Which of these channels hold identifiers, by their names or by what the file says of Cryptomattes.
+fn identifiers_of(file: &ExrFile, channels: &[String]) -> Vec<String> {
+    let cryptomattes = Cryptomattes::of(file);
+    let hold = |name: &&String| {
+        let layer = name.rsplit_once('.').map_or("", |(layer, _)| layer);
+        is_identifier(name) || cryptomattes.has(layer)
+    };
+    channels.iter().filter(hold).cloned().collect()
+}
 
 /// Whether DWA puts a channel of this name through its cosine transform; it recognises colours by their last component
 /// (OpenEXR's `sDefaultChannelRules`), and stores the rest without loss. B44 and PXR24 lose nothing the second time.

@@ -90,7 +90,7 @@ fn denoise_with(
     let files = files.flat_map(|input| input.names.files());
     let inputs: Vec<&Path> = files.map(|file| file.path()).collect();
     check_output(output, &inputs)?;
-    let mut rewrite = rewrite(pictures, options.extra, &marks(pictures, options)?)?;
+    let mut rewrite = rewrite(pictures, options.output, &marks(pictures, options)?)?;
     let (schedule, plan) = plan::schedule(pictures, &rewrite, options);
     plan.check(options.memory_limit)?;
     memory::check_available(&plan, schedule.all_threads() * pictures.len())?;
@@ -145,7 +145,7 @@ pub fn rows_to_write(pictures: &[Input], options: &JobOptions) -> Result<usize, 
     let Some(band) = options.band else {
         return Ok(input.height());
     };
-    let mut rewrite = rewrite(pictures, options.extra, &[])?;
+    let mut rewrite = rewrite(pictures, options.output, &[])?;
     let rows = band.restrict(&mut rewrite, input.file())?;
     let end = rows.end.min(input.height());
     // where another picture reaches below the first, a band may have none of its rows, and writes an empty one

@@ -15,7 +15,7 @@ use crate::exr_file::compression::SharedCodec;
 use crate::geometry::ImageSize;
 use crate::image::area::{Area, wrapped_layout};
 use crate::image::motion::MotionChannels;
-use crate::image::rewrite::{ExtraLayers, Rewrite, Targets};
+use crate::image::rewrite::{OutputOptions, Rewrite, Targets};
 use crate::image::sink::ExrSink;
 use crate::image::source::{self, ExrSource};
 use crate::job::look::look;
@@ -281,14 +281,14 @@ impl Input {
     /// chunks takes more than `limit` bytes, [`Error::Cancelled`] once `stop` is set.
     pub fn sink(
         &self,
-        output: &Path,
-        extra: ExtraLayers,
+        path: &Path,
+        output: OutputOptions,
         limit: u64,
         stop: Arc<AtomicBool>,
     ) -> Result<ExrSink, Error> {
         let codec = SharedCodec::default();
-        let rewrite = rewrite(std::slice::from_ref(self), extra, &[])?;
-        ExrSink::create(output, self.file().clone(), rewrite, &codec, limit, stop)
+        let rewrite = rewrite(std::slice::from_ref(self), output, &[])?;
+        ExrSink::create(path, self.file().clone(), rewrite, &codec, limit, stop)
     }
 
     /// How it is read, and what is odd about it; with its name, if it has one.
@@ -366,13 +366,13 @@ pub enum Remark {
 
 /// All there is to say before the pictures of a file are denoised: of each how it is read and what is odd about it, with its name where there are several; then which
 /// frames do not help it, what the output loses, and why it is stored in another way than the input.
-pub fn remarks(pictures: &[Input], extra: ExtraLayers) -> Result<Vec<Remark>, Error> {
+pub fn remarks(pictures: &[Input], output: OutputOptions) -> Result<Vec<Remark>, Error> {
     let mut remarks: Vec<Remark> = pictures.iter().flat_map(Input::remarks).collect();
     // of every picture the same
     let neighbours = pictures.first().and_then(|first| first.neighbours.as_ref());
     let unused = neighbours.into_iter().flat_map(|of| &of.unused);
     remarks.extend(unused.map(|frame| Remark::Warning(frame.to_string())));
-    let of_output = rewrite(pictures, extra, &[])?.notes;
+    let of_output = rewrite(pictures, output, &[])?.notes;
     remarks.extend(of_output.into_iter().map(Remark::Warning));
     Ok(remarks)
 }
@@ -380,7 +380,7 @@ pub fn remarks(pictures: &[Input], extra: ExtraLayers) -> Result<Vec<Remark>, Er
 /// The output file that denoising the pictures of a file makes, with these attributes.
 pub(crate) fn rewrite(
     pictures: &[Input],
-    extra: ExtraLayers,
+    output: OutputOptions,
     marks: &[(&str, String)],
 ) -> Result<Rewrite, Error> {
     let count = pictures.len();
@@ -391,5 +391,5 @@ pub(crate) fn rewrite(
     let Some(first) = pictures.first() else {
         return Err(Error::Usage("no picture to denoise".into()));
     };
-    Rewrite::new(first.file(), &targets, extra, marks)
+    Rewrite::new(first.file(), &targets, output, marks)
 }

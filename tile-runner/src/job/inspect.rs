@@ -12,7 +12,7 @@ use crate::channels::roles::Roles;
 use crate::channels::variance::Variance;
 use crate::error::Error;
 use crate::exr_file::{ExrFile, Part};
-use crate::image::rewrite::ExtraLayers;
+use crate::image::rewrite::OutputOptions;
 use crate::job::input::{Input, rewrite};
 use crate::job::memory::{self, DEFAULT_MEMORY_LIMIT};
 use crate::job::plan;
@@ -155,7 +155,7 @@ pub fn survey(
 
 /// Why pictures whose roles are known cannot be denoised, if they cannot.
 fn obstacle(pictures: &[Input]) -> Option<Error> {
-    let refused = rewrite(pictures, ExtraLayers::default(), &[]).err();
+    let refused = rewrite(pictures, OutputOptions::default(), &[]).err();
     let mut sources = pictures
         .iter()
         .map(|input| input.source(DEFAULT_MEMORY_LIMIT));
@@ -180,7 +180,7 @@ pub fn describe(pictures: &[Input]) -> Inspection {
     let Some((first, others)) = pictures.split_first() else {
         return Inspection::default();
     };
-    let rewrite = rewrite(pictures, ExtraLayers::default(), &[]);
+    let rewrite = rewrite(pictures, OutputOptions::default(), &[]);
     let rewritten = |part: &Part| {
         rewrite
             .as_ref()

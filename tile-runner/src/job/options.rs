@@ -1,6 +1,6 @@
 //! How a file is denoised.
 
-use crate::image::rewrite::ExtraLayers;
+use crate::image::rewrite::OutputOptions;
 use crate::job::band::Band;
 use crate::job::memory::DEFAULT_MEMORY_LIMIT;
 use crate::stream::pipeline::Options;
@@ -11,8 +11,8 @@ use crate::stream::pipeline::Options;
 pub struct JobOptions {
     /// What to compute, on how many threads.
     pub pipeline: Options,
-    /// What to write beside the colour.
-    pub extra: ExtraLayers,
+    /// What to write beside the colour, and how it is stored.
+    pub output: OutputOptions,
     /// Bytes of memory that may be used.
     pub memory_limit: u64,
     /// Only this band of the image.
@@ -20,19 +20,19 @@ pub struct JobOptions {
 }
 
 impl JobOptions {
-    /// The whole image, nothing beside the colour, within [`DEFAULT_MEMORY_LIMIT`].
+    /// The whole image, nothing beside the colour, stored as the input, within [`DEFAULT_MEMORY_LIMIT`].
     pub fn new(pipeline: Options) -> Self {
         Self {
             pipeline,
-            extra: ExtraLayers::default(),
+            output: OutputOptions::default(),
             memory_limit: DEFAULT_MEMORY_LIMIT,
             band: None,
         }
     }
 
-    /// Writes these layers beside the colour.
-    pub fn with_extra(self, extra: ExtraLayers) -> Self {
-        Self { extra, ..self }
+    /// Writes these layers beside the colour, and stores them so.
+    pub fn with_output(self, output: OutputOptions) -> Self {
+        Self { output, ..self }
     }
 
     /// Keeps within this many bytes of memory.

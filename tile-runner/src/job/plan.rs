@@ -10,7 +10,7 @@ use crate::channels::names::ChannelRef;
 use crate::error::Error;
 use crate::exr_file::Part;
 use crate::exr_file::compression::{CODEC_AT_REST, chunks_while_coding, coded_at_once};
-use crate::image::rewrite::{Fill, Rewrite};
+use crate::image::rewrite::{Fill, Rewrite, RewrittenPart};
 use crate::image::source::ExrSource;
 use crate::job::input::{Input, rewrite};
 use crate::job::memory::MemoryPlan;
@@ -61,7 +61,7 @@ impl Schedule {
 
 /// How [`denoise`](super::denoise) would run the pictures of a file, and what it would hold in memory. [`Error::Unsupported`] if what is to be denoised holds integers.
 pub fn plan(pictures: &[Input], options: &JobOptions) -> Result<(Schedule, MemoryPlan), Error> {
-    let rewrite = rewrite(pictures, options.extra, &[])?;
+    let rewrite = rewrite(pictures, options.output, &[])?;
     Ok(schedule(pictures, &rewrite, options))
 }
 
@@ -172,10 +172,12 @@ pub(super) fn memory_plan(
     };
     add_tables(&mut plan, first);
     // they share the codecs of the files, and the output
-    let parts = first.file().parts();
-    let written = rewrite.rewritten.iter();
-    let written: Vec<&Part> = written.map(|part| &parts[part.index]).collect();
-    add_coding(&mut plan, pictures, &written, schedule.codes_at_once);
+    add_coding(
+        &mut plan,
+        pictures,
+        &rewrite.rewritten,
+        schedule.codes_at_once,
+    );
     add_writing(&mut plan, first, rewrite);
     let threads = schedule.threads_of_each(pictures.len());
     add_neighbours(&mut plan, pictures, schedule, threads);
@@ -359,43 +361,73 @@ fn add_tables(plan: &mut MemoryPlan, input: &Input) {
 }
 
 /// Working memory of the codecs: one for each file that is read, which codes the output too unless that has its own.
-fn add_coding(plan: &mut MemoryPlan, pictures: &[Input], written: &[&Part], at_once: bool) {
+fn add_coding(plan: &mut MemoryPlan, pictures: &[Input], written: &[RewrittenPart], at_once: bool) {
     let Some(first) = pictures.first() else {
         return;
     };
     let files = first.names.files();
-    let mut read: Vec<Vec<&Part>> = vec![Vec::new(); files.len()];
+    let mut read: Vec<Vec<Coding>> = vec![Vec::new(); files.len()];
     for at in pictures.iter().flat_map(Input::channels_to_read) {
-        read[at.file].push(&files[at.file].parts()[at.part]);
+        read[at.file].push(Coding::of_part(&files[at.file].parts()[at.part]));
     }
+    let written = written.iter().map(|part| {
+        let bytes = written_chunk_bytes(part);
+        // what is kept of a chunk is decoded by the same codec
+        let source = coding_bytes(&files[0].parts()[part.index]);
+        let coding = bytes.saturating_mul(chunks_while_coding(part.header.compression));
+        Coding {
+            bytes: coding.max(source),
+            what: describe(&files[0].parts()[part.index]),
+        }
+    });
+    let written: Vec<Coding> = written.collect();
     if !at_once {
-        read[0].extend(written);
+        read[0].extend_from_slice(&written);
     }
-    let mut add = |what: &str, parts: &[&Part]| {
-        if let Some(largest) = parts.iter().max_by_key(|part| coding_bytes(part)) {
-            plan.add(
-                format!("{what} {}", describe(largest)),
-                coding_bytes(largest),
-            );
+    let mut add = |what: &str, all: &[Coding]| {
+        if let Some(largest) = all.iter().max_by_key(|coding| coding.bytes) {
+            plan.add(format!("{what} {}", largest.what), largest.bytes);
         }
     };
-    for parts in &read {
+    for all in &read {
         add(
             if at_once {
                 "decoding"
             } else {
                 "decoding and encoding"
             },
-            parts,
+            all,
         );
     }
     if at_once {
-        add("encoding", written);
+        add("encoding", &written);
     }
 }
 
-/// Working memory to code a chunk of a part as it is in the input. A part that is written with another compression than its own is
-/// written with zip, which takes less.
+/// Working memory to code a chunk, and of what.
+#[derive(Clone)]
+struct Coding {
+    bytes: u64,
+    what: String,
+}
+
+impl Coding {
+    fn of_part(part: &Part) -> Self {
+        Self {
+            bytes: coding_bytes(part),
+            what: describe(part),
+        }
+    }
+}
+
+/// Bytes of the largest chunk of a part that is written.
+fn written_chunk_bytes(part: &RewrittenPart) -> u64 {
+    let first = part.grid.bounds(0, 0).size;
+    let pixels = (first.0 as u64).saturating_mul(first.1 as u64);
+    pixels.saturating_mul(part.header.channels.bytes_per_pixel as u64)
+}
+
+/// Working memory to code a chunk of a part as it is in the input.
 fn coding_bytes(part: &Part) -> u64 {
     let chunks = chunks_while_coding(part.header.compression);
     part.chunk_bytes().saturating_mul(chunks)

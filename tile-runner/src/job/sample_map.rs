@@ -75,7 +75,7 @@ pub fn plan_map(picture: &Input, options: &JobOptions) -> Result<(Schedule, Memo
         ..*options
     };
     // nothing is written while it is denoised
-    let rewrite = Rewrite::new(picture.file(), &[], options.extra, &[])?;
+    let rewrite = Rewrite::new(picture.file(), &[], options.output, &[])?;
     let pictures = std::slice::from_ref(picture);
     let (schedule, mut plan) = plan::schedule(pictures, &rewrite, &options);
     plan.add("the map of samples", beside);

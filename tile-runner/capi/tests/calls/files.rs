@@ -42,6 +42,7 @@ pub(crate) fn options() -> linpred_file_options {
         before_count: 0,
         after_count: 0,
         features: null(),
+        compression: null(),
     }
 }
 
@@ -78,7 +79,7 @@ unsafe extern "C" fn stops(_user: *mut c_void, _rows: usize, _of: usize) -> bool
 }
 
 #[test]
-fn a_file_with_extra_layers_and_progress_in_this_thread() {
+fn a_file_with_output_layers_and_progress_in_this_thread() {
     let folder = tempfile::tempdir().unwrap();
     let (noisy, clean) = (
         folder.path().join("noisy.exr"),

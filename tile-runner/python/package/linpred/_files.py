@@ -94,6 +94,7 @@ def denoise_file(
     wrap: str = "auto",
     error_layer: bool = False,
     models_layer: bool = False,
+    compression: str = "keep",
     threads: int | None = None,
     max_memory: int | str | None = None,
     frames: str | Iterable[int] | None = None,
@@ -121,6 +122,8 @@ def denoise_file(
         wrap: Whether windows wrap around the left and right ends, as in a panorama: ``"auto"``, ``"x"`` or ``"none"``.
         error_layer: Adds the channel ``linpred.error``, the estimated mean squared error of each pixel.
         models_layer: Adds ``linpred.radius`` and ``linpred.rank``, and with ``temporal`` ``linpred.frames``.
+        compression: How what is denoised is stored: ``"keep"`` as in the input, but with zip where that would lose data of what is added or kept; ``"zip"``, ``"zips"``,
+            ``"rle"``, ``"piz"``, ``"none"``; ``"dwaa"``, which loses data of every channel that is called R, G or B.
         max_memory: Bytes that may be used, or ``"256M"``; 2 GiB by default. A job that needs more is refused before it begins.
         frames: Of a sequence, ``"1-100x2,205"`` or numbers; those whose files exist by default.
         temporal: Has the frames of a sequence help each other, so that they do not flicker: so many before and after each, 1 to 8, or True for 3.
@@ -147,7 +150,7 @@ def denoise_file(
             help and turns out on the way to be damaged is warned of once the file is written without it.
     """
     read = reading(input, preset, map, features, spp, other_half, layers, wrap, max_memory)
-    write = writing(output, error_layer, models_layer, band)
+    write = writing(output, error_layer, models_layer, band, compression)
     compute = computing(quality, coverage, formulas, threads)
     skip = flag("skip_existing", skip_existing)
     tell = as_function(progress)
@@ -278,6 +281,7 @@ def plan(
     wrap: str = "auto",
     error_layer: bool = False,
     models_layer: bool = False,
+    compression: str = "keep",
     threads: int | None = None,
     max_memory: int | str | None = None,
     temporal: bool | int = False,
@@ -295,7 +299,7 @@ def plan(
     elif far is not None:
         read["neighbours"] = _linpred.beside(read, *sides, far)
     compute = computing(quality, coverage, formulas, threads)
-    return Plan(*_linpred.plan(read, writing("", error_layer, models_layer, band), compute))
+    return Plan(*_linpred.plan(read, writing("", error_layer, models_layer, band, compression), compute))
 
 
 def inspect(

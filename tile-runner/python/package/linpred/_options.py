@@ -163,11 +163,12 @@ def entries(map: object) -> list[str]:
     return [f"{role}={text(f'map[{role!r}]', channel)}" for role, channel in mapping("map", map).items()]
 
 
-def writing(output: object, error_layer: object, models_layer: object, band: object) -> dict[str, Any]:
+def writing(output: object, error_layer: object, models_layer: object, band: object, compression: object) -> dict[str, Any]:
     """How to write."""
     return dict(
         output=path("output", output),
         error_layer=flag("error_layer", error_layer),
         models_layer=flag("models_layer", models_layer),
         band=None if band is None else text("band", band),
+        compression=text("compression", compression),
     )
