@@ -395,7 +395,9 @@ pub(super) fn run(
     schedule: Schedule,
 ) -> Result<Report, Error> {
     let go_on = &mut |_| ControlFlow::Continue(());
-    let options = &Options::new(params).with_threads(schedule.threads);
+    let options = &Options::new(params)
+        .with_threads(schedule.threads)
+        .with_cell_rows(schedule.cell_rows);
     let rows = schedule.rows_in_flight;
     if rows == 0 {
         return pipeline::denoise(source, sink, options, go_on);

@@ -18,6 +18,7 @@ use crate::job::options::JobOptions;
 use crate::row::{InputRow, OutputRow};
 use crate::stream::overlap::ROWS_IN_FLIGHT;
 use crate::stream::pipeline::{self, Options};
+use crate::stream::rows_of_cells::best_rows;
 use crate::stream::survey;
 use crate::temporal::Temporal;
 
@@ -40,6 +41,8 @@ pub struct Schedule {
     pub threads: NonZeroUsize,
     /// Rows read ahead, and rows waiting to be written; with 0 one thread reads, computes and writes in turn.
     pub rows_in_flight: usize,
+    /// Rows of cells that are worked on together: more keep more threads busy where an image is narrow.
+    pub cell_rows: NonZeroUsize,
     /// Whether chunks are decoded and encoded at once, each with working memory of its own, or in turn.
     pub codes_at_once: bool,
     /// Rows that are held at most of each frame that helps (see [`Temporal::holding`]).
@@ -76,6 +79,7 @@ pub(crate) fn schedule(
     let frugal = Schedule {
         threads: NonZeroUsize::MIN,
         rows_in_flight: 0,
+        cell_rows: NonZeroUsize::MIN,
         codes_at_once: false,
         rows_held: FEWEST_ROWS_HELD,
     };
@@ -83,18 +87,22 @@ pub(crate) fn schedule(
     let plan = |schedule| (schedule, memory_plan(pictures, rewrite, params, schedule));
     let fits = |(_, plan): &(Schedule, MemoryPlan)| plan.total() <= options.memory_limit;
     let held = rows_held(pictures);
-    schedules(threads, may_code_at_once(pictures, rewrite))
-        .into_iter()
-        .flat_map(|schedule| {
-            let held = held.iter();
-            held.map(move |&rows_held| Schedule {
-                rows_held,
-                ..schedule
-            })
+    schedules(
+        threads,
+        best_cell_rows(pictures, threads),
+        may_code_at_once(pictures, rewrite),
+    )
+    .into_iter()
+    .flat_map(|schedule| {
+        let held = held.iter();
+        held.map(move |&rows_held| Schedule {
+            rows_held,
+            ..schedule
         })
-        .map(plan)
-        .find(fits)
-        .unwrap_or_else(|| plan(frugal))
+    })
+    .map(plan)
+    .find(fits)
+    .unwrap_or_else(|| plan(frugal))
 }
 
 /// Rows of each frame that helps, that are worth holding: as many as may be wanted at once, as far as [`HELD_BYTES`] go, or parts of that.
@@ -114,34 +122,41 @@ fn rows_held(pictures: &[Input]) -> Vec<usize> {
     all
 }
 
+/// Rows of cells that are best worked on together: what suits the widest of the pictures suits the others, too, which have a few lanes idle at worst.
+fn best_cell_rows(pictures: &[Input], threads: NonZeroUsize) -> NonZeroUsize {
+    let rows = pictures
+        .iter()
+        .map(|picture| best_rows(&picture.computed_layout(), threads));
+    rows.min().unwrap_or(NonZeroUsize::MIN)
+}
+
 /// Schedules from the fastest to the most frugal, with the fewest rows held.
-fn schedules(threads: NonZeroUsize, at_once: bool) -> Vec<Schedule> {
+fn schedules(threads: NonZeroUsize, cell_rows: NonZeroUsize, at_once: bool) -> Vec<Schedule> {
+    let one = NonZeroUsize::MIN;
+    let fewer = |n: &NonZeroUsize| NonZeroUsize::new(n.get() / 2);
+    let cell_rows = || std::iter::successors(Some(cell_rows), fewer);
+    let schedule = |threads, rows_in_flight, cell_rows, codes_at_once| Schedule {
+        threads,
+        rows_in_flight,
+        cell_rows,
+        codes_at_once,
+        rows_held: FEWEST_ROWS_HELD,
+    };
     let mut all = Vec::new();
-    if threads.get() > 1 {
-        let overlapped = [
-            (ROWS_IN_FLIGHT, true),
-            (ROWS_IN_FLIGHT, false),
-            (8, false),
-            (2, false),
-        ];
-        let possible = overlapped.into_iter().filter(|(_, own)| at_once || !own);
-        all.extend(possible.map(|(rows_in_flight, codes_at_once)| Schedule {
-            threads,
-            rows_in_flight,
-            codes_at_once,
-            rows_held: FEWEST_ROWS_HELD,
-        }));
+    if threads > one {
+        if at_once {
+            all.extend(cell_rows().map(|rows| {
+                let in_flight = ROWS_IN_FLIGHT.saturating_mul(rows.get());
+                schedule(threads, in_flight, rows, true)
+            }));
+        }
+        for in_flight in [ROWS_IN_FLIGHT, 8, 2] {
+            all.push(schedule(threads, in_flight, one, false));
+        }
     }
-    let mut fewer = Some(threads);
-    while let Some(threads) = fewer {
-        all.push(Schedule {
-            threads,
-            rows_in_flight: 0,
-            codes_at_once: false,
-            rows_held: FEWEST_ROWS_HELD,
-        });
-        fewer = NonZeroUsize::new(threads.get() / 2);
-    }
+    all.extend(cell_rows().map(|rows| schedule(threads, 0, rows, false)));
+    let halves = std::iter::successors(fewer(&threads), fewer);
+    all.extend(halves.map(|threads| schedule(threads, 0, one, false)));
     all
 }
 
@@ -184,7 +199,9 @@ pub(super) fn memory_plan(
     for input in pictures {
         add_reading(&mut plan, input);
         let layout = input.computed_layout();
-        let options = Options::new(params).with_threads(threads);
+        let options = Options::new(params)
+            .with_threads(threads)
+            .with_cell_rows(schedule.cell_rows);
         plan.add("computing", pipeline::bytes(&layout, &options));
         let row = InputRow::bytes(&layout).saturating_add(OutputRow::bytes(&layout));
         if schedule.rows_in_flight > 0 {

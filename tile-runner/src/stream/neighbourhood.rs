@@ -1,4 +1,4 @@
-//! What a row of cells reads: its rows of pixels, and its tiles.
+//! What rows of cells read: their rows of pixels, and their tiles.
 
 use std::ops::Range;
 
@@ -11,13 +11,22 @@ use crate::geometry::ImageSize;
 use crate::stream::held_rows::{ColourRow, HeldRows};
 use crate::stream::prepared_rows::{PreparedRow, PreparedRows};
 
-/// What a row of cells reads.
+/// Where a cell is, counted in cells.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct CellAt {
+    pub(crate) row: usize,
+    pub(crate) column: usize,
+}
+
+/// What some rows of cells read, which are worked on together.
 pub(crate) struct Neighbourhood<'a> {
     pub(crate) size: ImageSize,
     pub(crate) held: &'a HeldRows,
-    /// From the halo above the cells to the middle row of pixels, and from there to the halo below (see [`prepared_from`]).
-    pub(crate) prepared: &'a [PreparedRows; 2],
-    pub(crate) row: usize,
+    /// From the halo above the cells to the middle row of pixels of the first row of cells, from there to that of the next, and so on to the halo below (see
+    /// [`prepared_from`]).
+    pub(crate) prepared: &'a [PreparedRows],
+    /// The rows of cells.
+    pub(crate) cells: Range<usize>,
 }
 
 /// The first row of the `piece`-th prepared rows. They are cut at the edges of halos, so that a row of cells with its halo lies in
@@ -33,7 +42,7 @@ const _: () = assert!(HALO <= PREPARED_ABOVE && CELL + HALO <= 2 * CELL - PREPAR
 impl Neighbourhood<'_> {
     /// Row `y` of the image.
     pub(crate) fn row(&self, y: usize) -> PixelRow<'_> {
-        let rows = &self.prepared[(y + PREPARED_ABOVE) / CELL - self.row];
+        let rows = &self.prepared[(y + PREPARED_ABOVE) / CELL - self.cells.start];
         PixelRow {
             colours: self.held.colours(y as isize),
             prepared: rows.row((y + PREPARED_ABOVE) % CELL),
@@ -41,14 +50,14 @@ impl Neighbourhood<'_> {
     }
 
     /// Whether a cell is worked on, or skipped because no model is needed in it. The papers' formulas know of no such cells.
-    pub(crate) fn needs_models(&self, column: usize, formulas: Formulas) -> bool {
-        formulas.are_published() || !self.is_clean(column)
+    pub(crate) fn needs_models(&self, cell: CellAt, formulas: Formulas) -> bool {
+        formulas.are_published() || !self.is_clean(cell)
     }
 
     /// Whether every pixel of a cell passes through.
-    fn is_clean(&self, column: usize) -> bool {
+    fn is_clean(&self, CellAt { row, column }: CellAt) -> bool {
         let columns = column * CELL..self.size.width().min((column + 1) * CELL);
-        (self.row * CELL..self.size.height().min((self.row + 1) * CELL)).all(|y| {
+        (row * CELL..self.size.height().min((row + 1) * CELL)).all(|y| {
             let row = self.row(y);
             let good = &row.colours.good[columns.clone()];
             let variance = &row.prepared.variance[columns.clone()];
@@ -62,15 +71,15 @@ impl Neighbourhood<'_> {
     }
 
     /// Loads the tile of a cell, with the position and as many channels of features as it has room for.
-    pub(crate) fn load<const D: usize>(&self, tile: &mut Tile<D>, column: usize) {
-        let (columns, first) = self.columns(column);
+    pub(crate) fn load<const D: usize>(&self, tile: &mut Tile<D>, cell: CellAt) {
+        let (columns, first) = self.columns(cell);
         for ty in 0..TILE {
             let row = ty * TILE..(ty + 1) * TILE;
             let (pixels, variances) = (
                 &mut tile.pixels[row.clone()],
                 &mut tile.feature_variance[row],
             );
-            let y = (self.row * CELL + ty).checked_sub(HALO);
+            let y = (cell.row * CELL + ty).checked_sub(HALO);
             let inside = match y.filter(|y| *y < self.size.height()) {
                 Some(y) => {
                     let inside = first..first + columns.len();
@@ -99,16 +108,16 @@ impl Neighbourhood<'_> {
     pub(crate) fn load_otherwise<const D: usize>(
         &self,
         otherwise: &mut OtherFeatures<D>,
-        column: usize,
+        cell: CellAt,
     ) -> bool {
-        let (columns, first) = self.columns(column);
-        if !self.has_noisy_features(&columns) {
+        let (columns, first) = self.columns(cell);
+        if !self.has_noisy_features(cell, &columns) {
             return false;
         }
         let mut values = [0.0; TILE];
         let values = &mut values[..columns.len()];
         for ty in 0..TILE {
-            let y = (self.row * CELL + ty).checked_sub(HALO);
+            let y = (cell.row * CELL + ty).checked_sub(HALO);
             let Some(y) = y.filter(|y| *y < self.size.height()) else {
                 continue;
             };
@@ -151,32 +160,32 @@ impl Neighbourhood<'_> {
     }
 
     /// The columns of the image that a cell's tile has, and the column of the tile where they begin.
-    fn columns(&self, column: usize) -> (Range<usize>, usize) {
+    fn columns(&self, CellAt { column, .. }: CellAt) -> (Range<usize>, usize) {
         let from = (column * CELL).saturating_sub(HALO);
         let columns = from..self.size.width().min((column + 1) * CELL + HALO);
         (columns, from + HALO - column * CELL)
     }
 
     /// Whether a feature has noise in one of these columns of the rows that the cells read.
-    fn has_noisy_features(&self, columns: &Range<usize>) -> bool {
-        let first = (self.row * CELL).saturating_sub(HALO);
-        let end = self.size.height().min((self.row + 1) * CELL + HALO);
+    fn has_noisy_features(&self, cell: CellAt, columns: &Range<usize>) -> bool {
+        let first = (cell.row * CELL).saturating_sub(HALO);
+        let end = self.size.height().min((cell.row + 1) * CELL + HALO);
         (first..end).any(|y| {
             let row = self.held.guides(y as isize);
             (0..MAX_FEATURES).any(|k| row.is_noisy(k, columns))
         })
     }
 
-    pub(crate) fn load_layer(&self, tile: &mut LayerTile, layer: usize, column: usize) {
+    pub(crate) fn load_layer(&self, tile: &mut LayerTile, layer: usize, cell: CellAt) {
         tile.colour = [[0.0; 3]; TILE_AREA];
         for ty in 0..TILE {
-            let y = (self.row * CELL + ty)
+            let y = (cell.row * CELL + ty)
                 .checked_sub(HALO)
                 .filter(|y| *y < self.size.height());
             let Some(y) = y else { continue };
             let planes = &self.held.colours(y as isize).followers[layer];
             for tx in 0..TILE {
-                let x = (column * CELL + tx)
+                let x = (cell.column * CELL + tx)
                     .checked_sub(HALO)
                     .filter(|x| *x < self.size.width());
                 if let Some(x) = x {

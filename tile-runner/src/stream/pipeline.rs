@@ -8,12 +8,13 @@
 //!         rows of output          35 rows later                                       Finish
 //! ```
 //!
-//! Row k of cells needs the rows that its windows reach prepared, and those need a halo of their own. Once its
+//! Several rows of cells are worked on together where one is too short for all threads (see [`best_rows`]): k is the first of them then, and what is drawn for k + 1 is for the one after the
+//! last. Row k of cells needs the rows that its windows reach prepared, and those need a halo of their own. Once its
 //! predictions are added up, no later cell reaches the rows before `19 (k + 1) - 9`: they are blended, and pass through the stages after
 //! that. The papers have none of those; by their formulas what is blended leaves.
 
 use std::num::NonZeroUsize;
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 
 use linpred_core::{CELL, HALO, Params};
 use rayon::prelude::*;
@@ -24,7 +25,7 @@ use crate::stream::finish::{self, Finish};
 use crate::stream::preparation::{INPUT_HALO, LOOK_BELOW, Preparation};
 use crate::stream::report::{Counts, Report};
 use crate::stream::resolved_row::{ResolvedRow, rows_per_thread};
-use crate::stream::row_of_cells::CellBenches;
+use crate::stream::rows_of_cells::{CellBenches, best_rows};
 use crate::stream::sum_rows::SumRows;
 use crate::stream::threads::{Threads, pool, stack_bytes, threads_to_use};
 use linpred_dispatch::InstructionSet;
@@ -37,6 +38,8 @@ pub struct Options {
     pub params: Params,
     /// Threads that compute; the output's bits do not depend on it.
     pub threads: NonZeroUsize,
+    /// Rows of cells that are worked on together, as many as are best unless said; the bits do not depend on it either.
+    pub(crate) cell_rows: Option<NonZeroUsize>,
 }
 
 impl Options {
@@ -45,12 +48,28 @@ impl Options {
         Self {
             params,
             threads: threads_to_use(None),
+            cell_rows: None,
         }
     }
 
     /// Computes on this many threads.
     pub fn with_threads(self, threads: NonZeroUsize) -> Self {
         Self { threads, ..self }
+    }
+
+    /// Works on this many rows of cells together.
+    pub(crate) fn with_cell_rows(self, cell_rows: NonZeroUsize) -> Self {
+        Self {
+            cell_rows: Some(cell_rows),
+            ..self
+        }
+    }
+
+    /// Rows of cells that are worked on together: no more than the image has.
+    fn cell_rows(&self, layout: &RowLayout) -> usize {
+        let best = best_rows(layout, self.threads);
+        let all = layout.size.height().div_ceil(CELL);
+        self.cell_rows.unwrap_or(best).get().min(all)
     }
 }
 
@@ -68,12 +87,12 @@ pub(crate) const REACH: usize = HALO + CELL + LOOK_BELOW + INPUT_HALO + finish::
 
 /// Bytes that denoising an image takes at most, beside the source and the sink.
 pub(crate) fn bytes(layout: &RowLayout, options: &Options) -> u64 {
-    let batch = batch(layout, options.threads);
+    let (batch, cell_rows) = (batch(layout, options.threads), options.cell_rows(layout));
     let (threads, vary) = (options.threads.get() as u64, options.params.vary_features);
     [
-        Preparation::bytes(layout, threads, vary),
+        Preparation::bytes(layout, threads, cell_rows, vary),
         CellBenches::bytes(layout, threads, vary),
-        SumRows::bytes(layout),
+        SumRows::bytes(layout, cell_rows),
         OutputRow::bytes(layout).saturating_mul(batch as u64),
         Finish::bytes(layout, batch),
         stack_bytes(threads),
@@ -101,16 +120,18 @@ pub fn denoise(
     let pool = pool(options.threads)?;
     let mut pipeline = Pipeline::new(source.layout(), options);
     let height = pipeline.layout.size.height();
-    for row in 0..height.div_ceil(CELL) {
-        pipeline.input.read(source, row)?;
-        pool.install(|| pipeline.compute(row));
-        let done = if (row + 1) * CELL >= height {
+    let (all, together) = (height.div_ceil(CELL), options.cell_rows(&pipeline.layout));
+    for first in (0..all).step_by(together) {
+        let cells = first..all.min(first + together);
+        pipeline.input.read(source, &cells)?;
+        pool.install(|| pipeline.compute(&cells));
+        let done = if cells.end * CELL >= height {
             height
         } else {
-            (row + 1) * CELL - HALO
+            cells.end * CELL - HALO
         };
-        pipeline.write(&pool, sink, row, done, progress)?;
-        pipeline.advance(row);
+        pipeline.write(&pool, sink, &cells, done, progress)?;
+        pipeline.advance(&cells);
     }
     pipeline.write_rest(&pool, sink, progress)?;
     Ok(pipeline.report)
@@ -136,6 +157,7 @@ struct Pipeline {
 impl Pipeline {
     fn new(layout: RowLayout, options: &Options) -> Self {
         let (instruction_set, threads) = (InstructionSet::detect(), options.threads);
+        let cell_rows = options.cell_rows(&layout);
         let batch = batch(&layout, threads);
         let finishes = !options.params.formulas.are_published();
         let finish = finishes.then(|| Finish::new(layout, batch, instruction_set));
@@ -143,9 +165,14 @@ impl Pipeline {
             layout,
             params: options.params,
             instruction_set,
-            input: Preparation::new(layout, &options.params, threads, instruction_set),
+            input: Preparation::new(
+                layout,
+                &options.params,
+                (threads, cell_rows),
+                instruction_set,
+            ),
             cells: CellBenches::new(&layout, threads, options.params.vary_features),
-            sums: SumRows::new(&layout),
+            sums: SumRows::new(&layout, cell_rows),
             resolved: (0..batch).map(|_| ResolvedRow::new(&layout)).collect(),
             blended: 0,
             finish,
@@ -160,11 +187,11 @@ impl Pipeline {
         }
     }
 
-    /// Prepares what row `row` of cells lacks, and predicts it.
-    fn compute(&mut self, row: usize) {
+    /// Prepares what these rows of cells lack, and predicts them.
+    fn compute(&mut self, cells: &Range<usize>) {
         let counts = &mut self.report.counts;
-        self.input.prepare(row, counts);
-        let around = self.input.around(row);
+        self.input.prepare(cells, counts);
+        let around = self.input.around(cells);
         let sums = &mut self.sums;
         let predicted = self
             .cells
@@ -180,14 +207,14 @@ impl Pipeline {
         &mut self,
         pool: &Threads,
         sink: &mut dyn RowSink,
-        row: usize,
+        cells: &Range<usize>,
         end: usize,
         progress: &mut dyn FnMut(usize) -> ControlFlow<()>,
     ) -> Result<(), Error> {
         while self.blended < end {
             let rows = self.resolved.len().min(end - self.blended);
-            pool.install(|| self.blend(row, rows));
-            let around = self.input.around(row);
+            pool.install(|| self.blend(cells, rows));
+            let around = self.input.around(cells);
             let Some(finish) = &mut self.finish else {
                 let rows = self.resolved[..rows].iter().map(|row| &row.output);
                 write_rows(rows, &mut self.written, sink, progress)?;
@@ -203,8 +230,8 @@ impl Pipeline {
     }
 
     /// Works out the next `rows` rows of predictions.
-    fn blend(&mut self, row: usize, rows: usize) {
-        let (around, formulas) = (self.input.around(row), self.params.formulas);
+    fn blend(&mut self, cells: &Range<usize>, rows: usize) {
+        let (around, formulas) = (self.input.around(cells), self.params.formulas);
         let sums = self.sums.rows_from(self.blended);
         let resolved = &mut self.resolved[..rows];
         let targets: Vec<_> = (self.blended..).zip(sums).zip(&mut *resolved).collect();
@@ -240,10 +267,10 @@ impl Pipeline {
         Ok(())
     }
 
-    /// Moves on to the next row of cells.
-    fn advance(&mut self, row: usize) {
-        self.sums.advance();
-        self.input.advance(row);
+    /// Moves on to the rows of cells after these.
+    fn advance(&mut self, cells: &Range<usize>) {
+        self.sums.advance(cells.len());
+        self.input.advance(cells);
     }
 }
 

@@ -1,9 +1,10 @@
-//! The stages before the fit, for one row of cells after another: rows read, fireflies taken out, variances estimated, weights and features prepared.
+//! The stages before the fit, for some rows of cells after others: rows read, fireflies taken out, variances estimated, weights and features prepared.
 //!
 //! What a run can skip is known from here on, so a survey of an image goes through the same stages as a run and counts what that
 //! will skip (see [`Counts`]).
 
 use std::num::NonZeroUsize;
+use std::ops::Range;
 
 use linpred_core::{CELL, FIREFLY_HALO, HALO, Params};
 
@@ -37,19 +38,19 @@ pub(crate) struct Preparation {
     held: HeldRows,
     /// `None` where fireflies stay.
     fireflies: Option<Fireflies>,
-    /// The two pieces of prepared rows that the current row of cells reads.
-    prepared: [PreparedRows; 2],
+    /// The pieces of prepared rows that the current rows of cells read: one more than there are rows.
+    prepared: Vec<PreparedRows>,
     benches: Vec<Box<BlockBench>>,
     input: InputRow,
 }
 
 impl Preparation {
-    /// Nothing of an image yet, to be prepared on `threads` threads. Models may vary in the features that they see; the papers' formulas
+    /// Nothing of an image yet, to be prepared on `threads` threads for at most `cell_rows` rows of cells at a time. Models may vary in the features that they see; the papers' formulas
     /// know of no fireflies.
     pub(crate) fn new(
         layout: RowLayout,
         params: &Params,
-        threads: NonZeroUsize,
+        (threads, cell_rows): (NonZeroUsize, usize),
         instruction_set: InstructionSet,
     ) -> Self {
         Self {
@@ -60,7 +61,9 @@ impl Preparation {
             estimated: 0,
             held: HeldRows::new(layout),
             fireflies: (!params.formulas.are_published()).then(|| Fireflies::new(&layout)),
-            prepared: std::array::from_fn(|_| PreparedRows::new(&layout, params.vary_features)),
+            prepared: (0..=cell_rows)
+                .map(|_| PreparedRows::new(&layout, params.vary_features))
+                .collect(),
             benches: (0..threads.get())
                 .map(|_| BlockBench::new(&layout, params.vary_features))
                 .collect(),
@@ -68,14 +71,14 @@ impl Preparation {
         }
     }
 
-    /// Bytes that it takes at most, on `threads` threads.
-    pub(crate) fn bytes(layout: &RowLayout, threads: u64, vary: bool) -> u64 {
-        let below = 2 * CELL + INPUT_HALO;
+    /// Bytes that it takes at most, on `threads` threads for so many rows of cells at a time.
+    pub(crate) fn bytes(layout: &RowLayout, threads: u64, cell_rows: usize, vary: bool) -> u64 {
+        let below = (cell_rows + 1) * CELL + INPUT_HALO;
         [
             ColourRow::bytes(layout, HALO + below),
             GuideRow::bytes(layout, guides_above(vary) + below),
             Fireflies::bytes(layout),
-            PreparedRows::bytes(layout, vary).saturating_mul(2),
+            PreparedRows::bytes(layout, vary).saturating_mul(cell_rows as u64 + 1),
             InputRow::bytes(layout),
             Missing::working_bytes(layout, threads),
             threads.saturating_mul(BlockBench::bytes(layout)),
@@ -84,9 +87,13 @@ impl Preparation {
         .fold(0, u64::saturating_add)
     }
 
-    /// Reads all that row `row` of cells depends on.
-    pub(crate) fn read(&mut self, source: &mut dyn RowSource, row: usize) -> Result<(), Error> {
-        let end = needed(row) + INPUT_HALO;
+    /// Reads all that these rows of cells depend on.
+    pub(crate) fn read(
+        &mut self,
+        source: &mut dyn RowSource,
+        cells: &Range<usize>,
+    ) -> Result<(), Error> {
+        let end = needed(cells) + INPUT_HALO;
         while self.held.next() < end.min(self.layout.size.height()) {
             source.read_row(self.held.next(), &mut self.input)?;
             self.held.push(&self.input);
@@ -97,20 +104,21 @@ impl Preparation {
         Ok(())
     }
 
-    /// Works out what row `row` of cells lacks, once it is read; counts feature blocks.
-    pub(crate) fn prepare(&mut self, row: usize, counts: &mut Counts) {
-        self.estimate(needed(row));
-        let first = if row == 0 { 0 } else { row + 1 };
-        for piece in first..=row + 1 {
-            let from = prepared_from(piece);
-            if from < self.layout.size.height() as isize {
-                let prepared = &mut self.prepared[piece - row];
-                let filled =
-                    prepared.fill(&self.held, from, self.instruction_set, &mut self.benches);
-                counts.feature_blocks += filled.feature_blocks;
-                counts.feature_blocks_skipped += filled.skipped;
-            }
-        }
+    /// Works out what these rows of cells lack, once it is read; counts feature blocks.
+    pub(crate) fn prepare(&mut self, cells: &Range<usize>, counts: &mut Counts) {
+        self.estimate(needed(cells));
+        let first = if cells.start == 0 { 0 } else { cells.start + 1 };
+        let height = self.layout.size.height() as isize;
+        let pieces = (first..=cells.end).filter(|piece| prepared_from(*piece) < height);
+        let pieces: Vec<_> = self.prepared[first - cells.start..]
+            .iter_mut()
+            .zip(pieces)
+            .map(|(prepared, piece)| (prepared_from(piece), prepared))
+            .collect();
+        let filled =
+            PreparedRows::fill(pieces, &self.held, self.instruction_set, &mut self.benches);
+        counts.feature_blocks += filled.feature_blocks;
+        counts.feature_blocks_skipped += filled.skipped;
     }
 
     /// Estimates the variances that the source lacks, up to row `end` or the last.
@@ -121,20 +129,20 @@ impl Preparation {
             .fill(&mut self.held, &self.layout, rows, self.instruction_set);
     }
 
-    /// What row `row` of cells reads.
-    pub(crate) fn around(&self, row: usize) -> Neighbourhood<'_> {
+    /// What these rows of cells read.
+    pub(crate) fn around(&self, cells: &Range<usize>) -> Neighbourhood<'_> {
         Neighbourhood {
             size: self.layout.size,
             held: &self.held,
             prepared: &self.prepared,
-            row,
+            cells: cells.clone(),
         }
     }
 
-    /// Moves on to the row of cells after `row`.
-    pub(crate) fn advance(&mut self, row: usize) {
-        self.prepared.rotate_left(1);
-        let next = (row + 1) * CELL;
+    /// Moves on to the rows of cells after these.
+    pub(crate) fn advance(&mut self, cells: &Range<usize>) {
+        self.prepared.rotate_left(cells.len());
+        let next = cells.end * CELL;
         self.held
             .drop_before(next - HALO, next - guides_above(self.vary));
     }
@@ -144,7 +152,7 @@ impl Preparation {
 /// those around each.
 pub(crate) const INPUT_HALO: usize = MISSING_HALO + FIREFLY_HALO;
 
-/// The end of the rows that row `row` of cells depends on, beside [`INPUT_HALO`].
-fn needed(row: usize) -> usize {
-    (row + 1) * CELL + LOOK_BELOW
+/// The end of the rows that these rows of cells depend on, beside [`INPUT_HALO`].
+fn needed(cells: &Range<usize>) -> usize {
+    cells.end * CELL + LOOK_BELOW
 }

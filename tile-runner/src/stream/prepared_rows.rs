@@ -83,31 +83,34 @@ impl PreparedRows {
         &self.rows[row]
     }
 
-    /// Works out the rows from `first_row` on, of which some may lie above the image, each thread at a bench of its own, and
-    /// counts blocks of features.
+    /// Works out `pieces`, each from the row that stands before it on, which may lie above the image: each thread at a bench of its own. Counts blocks of features.
     pub(crate) fn fill(
-        &mut self,
+        pieces: Vec<(isize, &mut Self)>,
         held: &HeldRows,
-        first_row: isize,
         instruction_set: InstructionSet,
         benches: &mut [Box<BlockBench>],
     ) -> Filled {
-        let width = self.width;
+        let width = pieces.first().map_or(0, |(_, piece)| piece.width);
+        let columns = width.div_ceil(BLOCK_WIDTH);
         // A block is stored row by row, so that threads wait for one another no longer than a row takes.
-        let rows: Vec<_> = self.rows.iter_mut().map(Mutex::new).collect();
+        let pieces = pieces.into_iter().map(|(first_row, piece)| {
+            let rows: Vec<_> = piece.rows.iter_mut().map(Mutex::new).collect();
+            (first_row, rows)
+        });
+        let pieces: Vec<_> = pieces.collect();
         let next = AtomicUsize::new(0);
         let filled = benches.par_iter_mut().map(|bench| {
             let mut filled = Filled::default();
             loop {
-                let x = next.fetch_add(BLOCK_WIDTH, Ordering::Relaxed);
-                if x >= width {
+                let block = next.fetch_add(1, Ordering::Relaxed);
+                let Some((first_row, rows)) = pieces.get(block / columns.max(1)) else {
                     return filled;
-                }
+                };
                 let source = Source {
                     held,
                     width,
-                    x,
-                    y: first_row,
+                    x: block % columns * BLOCK_WIDTH,
+                    y: *first_row,
                 };
                 bench.work_out(&source, instruction_set);
                 filled.count(&bench.features);

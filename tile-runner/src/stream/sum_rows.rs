@@ -67,13 +67,14 @@ impl SumRow {
     }
 }
 
-/// Sums of predictions of the rows that a row of cells can reach.
+/// Sums of predictions of the rows that some rows of cells can reach, for each row of cells by itself: what is in which order is added up does not depend on how many are
+/// worked on together.
 pub(crate) struct SumRows {
-    /// The first row of `own`.
+    /// The first row of the first row of cells.
     first: isize,
     height: usize,
-    /// Of the row of cells.
-    own: Vec<SumRow>,
+    /// Of each row of cells, as many rows as a tile has.
+    own: Vec<[Vec<SumRow>; 2]>,
     /// What the row of cells before has left in the first rows, of its halo.
     before: Vec<SumRow>,
 }
@@ -82,51 +83,68 @@ pub(crate) struct SumRows {
 const OVERLAP: usize = TILE - CELL;
 
 impl SumRows {
-    /// Sums for the first row of cells.
-    pub(crate) fn new(layout: &RowLayout) -> Self {
+    /// Sums for the first `cell_rows` rows of cells.
+    pub(crate) fn new(layout: &RowLayout, cell_rows: usize) -> Self {
         let rows = |count| (0..count).map(|_| SumRow::new(layout)).collect();
         Self {
             first: -(HALO as isize),
             height: layout.size.height(),
-            own: rows(TILE),
+            own: (0..cell_rows).map(|_| [CELL, OVERLAP].map(rows)).collect(),
             before: rows(OVERLAP),
         }
     }
 
     /// Bytes of the sums.
-    pub(crate) fn bytes(layout: &RowLayout) -> u64 {
+    pub(crate) fn bytes(layout: &RowLayout, cell_rows: usize) -> u64 {
         let planes = size_of::<Sum>() / size_of::<f32>() + 3 * layout.followers();
-        plane_bytes(layout.size, TILE + OVERLAP, planes)
+        plane_bytes(layout.size, cell_rows * TILE + OVERLAP, planes)
     }
 
-    /// Takes the cells of a row, from several threads.
-    pub(crate) fn adding(&mut self) -> Adding<'_> {
-        // of the tiles, where the image begins and ends
-        let above = usize::try_from(-self.first).unwrap_or(0);
-        let below = (self.height as isize - self.first) as usize;
-        let rows = self.own.iter_mut().map(Mutex::new).enumerate();
-        Adding {
-            rows: rows.take(below).skip(above).collect(),
-        }
+    /// Takes the cells of each row of cells, from several threads.
+    pub(crate) fn adding(&mut self) -> Vec<Adding<'_>> {
+        let (first, height) = (self.first, self.height as isize);
+        let cell_rows = (0..).zip(&mut self.own);
+        let adding = cell_rows.map(|(n, own)| {
+            let first = first + n * CELL as isize;
+            let rows = own.iter_mut().flatten().enumerate();
+            // of the tiles, where the image is
+            let inside = rows.filter(|(ty, _)| (0..height).contains(&(first + *ty as isize)));
+            Adding {
+                rows: inside.map(|(ty, row)| (ty, Mutex::new(row))).collect(),
+            }
+        });
+        adding.collect()
     }
 
-    /// From row `y` on, the sums and what the row of cells before has left in them, which [`SumRow::take`] is to add.
+    /// From row `y` on, the sums of the row of cells whose they are, and what the one before has left in them, which [`SumRow::take`] is to add.
     pub(crate) fn rows_from(
         &mut self,
         y: usize,
     ) -> impl Iterator<Item = (&mut SumRow, Option<&mut SumRow>)> {
         let start = (y as isize - self.first) as usize;
-        let before = self.before.iter_mut().map(Some);
-        let before = before.chain(std::iter::repeat_with(|| None));
-        self.own.iter_mut().zip(before).skip(start)
+        let mut rows = Vec::new();
+        let mut left = &mut self.before;
+        for [own, below] in &mut self.own {
+            let before = left.iter_mut().map(Some);
+            rows.extend(
+                own.iter_mut()
+                    .zip(before.chain(std::iter::repeat_with(|| None))),
+            );
+            left = below;
+        }
+        rows.extend(left.iter_mut().map(|own| (own, None)));
+        rows.into_iter().skip(start)
     }
 
-    /// Moves on by a row of cells. The rows that no later cell reaches have been cleared, as has what was left before.
-    pub(crate) fn advance(&mut self) {
-        for (own, before) in self.own.iter_mut().skip(CELL).zip(&mut self.before) {
-            std::mem::swap(own, before);
+    /// Moves on by `cell_rows` rows of cells. The rows that no later cell reaches have been cleared, as has what was left before.
+    pub(crate) fn advance(&mut self, cell_rows: usize) {
+        if let Some([_, below]) = cell_rows
+            .checked_sub(1)
+            .and_then(|last| self.own.get_mut(last))
+        {
+            std::mem::swap(below, &mut self.before);
         }
-        self.first += CELL as isize;
+        self.first += (cell_rows * CELL) as isize;
     }
 }
 

@@ -8,7 +8,7 @@ use linpred_core::{CELL, FEATURE_NAMES, Formulas, MAX_FEATURES, Params, PixelSta
 
 use crate::error::Error;
 use crate::row::{RowLayout, RowSource};
-use crate::stream::neighbourhood::Neighbourhood;
+use crate::stream::neighbourhood::{CellAt, Neighbourhood};
 use crate::stream::preparation::Preparation;
 use crate::stream::report::Counts;
 use crate::stream::threads::{pool, stack_bytes};
@@ -40,7 +40,7 @@ pub struct Survey {
 /// Bytes that a survey takes at most, beside the source.
 pub(crate) fn bytes(layout: &RowLayout, threads: NonZeroUsize) -> u64 {
     let threads = threads.get() as u64;
-    Preparation::bytes(layout, threads, false).saturating_add(stack_bytes(threads))
+    Preparation::bytes(layout, threads, 1, false).saturating_add(stack_bytes(threads))
 }
 
 /// Surveys the rows of `source`, each of which is read once, on `threads` threads, whose number changes nothing. `progress` is told how many
@@ -54,13 +54,14 @@ pub fn survey(
     let layout = source.layout();
     let height = layout.size.height();
     let params = Params::default().with_vary_features(false);
-    let mut input = Preparation::new(layout, &params, threads, InstructionSet::detect());
+    let mut input = Preparation::new(layout, &params, (threads, 1), InstructionSet::detect());
     let mut found = Findings::new(layout);
     for row in 0..height.div_ceil(CELL) {
-        input.read(source, row)?;
-        pool.install(|| input.prepare(row, &mut found.counts));
-        found.add_cells(&input.around(row));
-        input.advance(row);
+        let cells = row..row + 1;
+        input.read(source, &cells)?;
+        pool.install(|| input.prepare(&cells, &mut found.counts));
+        found.add_cells(&input.around(&cells), row);
+        input.advance(&cells);
         if progress(height.min((row + 1) * CELL)).is_break() {
             return Err(Error::Cancelled);
         }
@@ -99,14 +100,14 @@ impl Findings {
         }
     }
 
-    /// A row of cells and its pixels.
-    fn add_cells(&mut self, around: &Neighbourhood) {
+    /// Row `row` of cells and its pixels.
+    fn add_cells(&mut self, around: &Neighbourhood, row: usize) {
         for column in 0..self.layout.size.width().div_ceil(CELL) {
             self.counts.cells += 1;
-            let skipped = !around.needs_models(column, Formulas::Robust);
+            let skipped = !around.needs_models(CellAt { row, column }, Formulas::Robust);
             self.counts.cells_skipped += u64::from(skipped);
         }
-        let first = around.row * CELL;
+        let first = row * CELL;
         for y in first..self.layout.size.height().min(first + CELL) {
             self.add_colours(around, y);
             self.add_features(around, y);
