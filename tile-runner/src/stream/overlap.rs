@@ -10,7 +10,7 @@ use std::thread::{Builder, Scope, ScopedJoinHandle};
 use crate::error::Error;
 use crate::row::{InputRow, OutputRow, RowLayout, RowSink, RowSource};
 
-/// Rows that are best in flight at each end: those of one row of cells, which is what the pipeline takes at once.
+/// Rows that are best in flight at each end: those of one row of cells, which is what the pipeline takes at once; as many times that as it works on rows of cells together.
 pub const ROWS_IN_FLIGHT: usize = 19;
 
 /// A source that is read by another thread.

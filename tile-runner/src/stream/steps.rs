@@ -21,8 +21,9 @@
 //! ```
 //!
 //! The pipeline runs on a thread of its own, and waits there as long as the caller takes for a row. Rows are wanted from top to bottom, each once, and come out so
-//! some 90 rows later; no more rows are in memory than in any other run, and which come when says nothing of the bits.
+//! some 90 rows later, as early as they can be: fewer rows are worked on together than in other runs, which costs narrow images on many threads some speed. No more rows are in memory than in any other run, and which come when says nothing of the bits.
 
+use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread::{Builder, JoinHandle};
@@ -84,6 +85,8 @@ struct Ends {
 impl Steps {
     /// Starts a run. [`Error::Budget`] if the system gives no thread.
     pub fn start(layout: RowLayout, options: Options) -> Result<Self, Error> {
+        // whoever has a loop of its own wants rows early
+        let options = options.with_cell_rows(NonZeroUsize::MIN);
         let (event, events) = sync_channel(1);
         let (filled, rows) = sync_channel(1);
         let (used, free) = channel();
