@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use linpred::job::{DEFAULT_MEMORY_LIMIT, Input, InputRequest};
-use linpred::{Error, ImageSize, InputRow, OutputRow, RowLayout, RowSink, RowSource, VarianceKind};
+use linpred::{Error, ImageSize, InputRow, OutputRow, RowLayout, RowSink, RowSource};
 
 /// A decoded image: every row of every channel that has a role.
 pub(crate) struct Image {
@@ -25,11 +25,6 @@ impl Image {
             rows.push(row);
         }
         Ok(Self { layout, rows })
-    }
-
-    /// Whether its variances were read from the file.
-    pub(crate) fn has_variance(&self) -> bool {
-        self.layout.variance == VarianceKind::OfMean
     }
 
     /// Copies per side that come nearest to `megapixels`; 1 for 0.

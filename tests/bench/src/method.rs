@@ -28,8 +28,14 @@ pub(crate) enum Method {
     Literal,
     /// WLR's formulas to the letter.
     Wlr,
-    /// Open Image Denoise, quality high, albedo and normal.
+    /// Open Image Denoise, quality fast, albedo and normal.
+    OidnFast,
+    /// The same, quality high.
     Oidn,
+    /// Quality fast, albedo and normal denoised first.
+    OidnFastPrefiltered,
+    /// Quality high, likewise.
+    OidnPrefiltered,
 }
 
 impl Method {
@@ -37,6 +43,17 @@ impl Method {
     pub(crate) fn name(self) -> String {
         let value = self.to_possible_value();
         value.map_or_else(String::new, |value| value.get_name().to_owned())
+    }
+
+    /// Open Image Denoise's quality, and whether features are denoised first, for the methods that are it.
+    pub(crate) fn oidn(self) -> Option<(&'static str, bool)> {
+        match self {
+            Self::OidnFast => Some(("fast", false)),
+            Self::Oidn => Some(("high", false)),
+            Self::OidnFastPrefiltered => Some(("fast", true)),
+            Self::OidnPrefiltered => Some(("high", true)),
+            _ => None,
+        }
     }
 
     /// linpred's parameters, for the methods that are linpred.

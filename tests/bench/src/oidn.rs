@@ -33,8 +33,13 @@ pub(crate) fn version() -> Option<String> {
     (output.status.success() && !text.trim().is_empty()).then(|| text.trim().to_owned())
 }
 
-/// Denoises with albedo and normal at quality high. The script mirrors the image itself.
-pub(crate) fn denoise(image: &Image, copies: usize, threads: NonZeroUsize) -> Result<Done> {
+/// Denoises with albedo and normal, which are denoised first if they are to be. The script mirrors the image itself.
+pub(crate) fn denoise(
+    image: &Image,
+    copies: usize,
+    threads: NonZeroUsize,
+    (quality, prefiltered): (&str, bool),
+) -> Result<Done> {
     let folder = tempfile::tempdir()?;
     for (name, planes) in [("colour", 0), ("normal", 1), ("albedo", 2)] {
         let mut values = Vec::new();
@@ -61,7 +66,9 @@ pub(crate) fn denoise(image: &Image, copies: usize, threads: NonZeroUsize) -> Re
             image.layout.size.height().to_string(),
             copies.to_string(),
             threads.to_string(),
+            quality.to_owned(),
         ])
+        .args(prefiltered.then_some("prefiltered"))
         .stderr(Stdio::inherit())
         .output()
         .context("python3 does not start")?;

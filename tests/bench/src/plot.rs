@@ -1,4 +1,4 @@
-//! Gain over run time as a picture: a panel per scene, and one over all.
+//! Gain, PSNR and FLIP over run time as a picture: for each of the three a panel over all scenes, and one per scene.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -13,15 +13,52 @@ const COLUMNS: usize = 3;
 /// CPU seconds per megapixel shown, in powers of ten; what is beyond is drawn at the edge.
 const DECADES: (f64, f64) = (-3.0, 2.0);
 
-/// A method in a panel: CPU seconds per megapixel, gain.
+/// What is plotted upwards.
+struct Measure {
+    name: &'static str,
+    of: fn(&Point) -> Option<f64>,
+    mean: fn(&[f64]) -> f64,
+    /// Whether more is better; less is better is plotted downwards.
+    more: bool,
+    digits: usize,
+}
+
+const MEASURES: [Measure; 3] = [
+    Measure {
+        name: "gain",
+        of: |point| point.gain,
+        mean: geometric_mean,
+        more: true,
+        digits: 1,
+    },
+    Measure {
+        name: "PSNR",
+        of: |point| point.psnr,
+        mean,
+        more: true,
+        digits: 1,
+    },
+    Measure {
+        name: "FLIP",
+        of: |point| point.flip,
+        mean,
+        more: false,
+        digits: 3,
+    },
+];
+
+/// A method in a panel: CPU seconds per megapixel, and the measure.
 type Place = (Method, f64, f64);
 
 /// One thread; every method at the largest size that it was measured at, over the samples per pixel that were measured.
 pub(crate) fn svg(points: &BTreeMap<Key, Point>) -> String {
     let scenes: BTreeSet<&str> = points.keys().map(|key| key.scene.as_str()).collect();
-    let mut panels = vec![("all scenes", places(points, None))];
-    for scene in scenes {
-        panels.push((scene, places(points, Some(scene))));
+    let mut panels = Vec::new();
+    for scene in std::iter::once(None).chain(scenes.into_iter().map(Some)) {
+        for measure in &MEASURES {
+            let title = format!("{}, {}", scene.unwrap_or("all scenes"), measure.name);
+            panels.push((title, measure, places(points, scene, measure)));
+        }
     }
     let rows = panels.len().div_ceil(COLUMNS);
     let (width, height) = (
@@ -31,52 +68,56 @@ pub(crate) fn svg(points: &BTreeMap<Key, Point>) -> String {
     let mut text = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" font-size=\"11\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"
     );
-    for (i, (title, places)) in panels.iter().enumerate() {
+    for (i, (title, measure, places)) in panels.iter().enumerate() {
         let left = 50.0 + (i % COLUMNS) as f64 * STEP.0;
         let top = 40.0 + (i / COLUMNS) as f64 * STEP.1;
         let _ = writeln!(text, "<g transform=\"translate({left} {top})\">");
-        panel(&mut text, title, places);
+        panel(&mut text, title, measure, places);
         text.push_str("</g>\n");
     }
     let _ = writeln!(
         text,
-        "<text x=\"50\" y=\"{}\">across: CPU seconds per megapixel; up: gain, rMSE(noisy) / rMSE(denoised), geometric mean; the line joins what nothing beats in both</text>\n</svg>",
+        "<text x=\"50\" y=\"{}\">across: CPU seconds per megapixel; up is better: gain, rMSE(noisy) / rMSE(denoised), geometric mean; tone-mapped PSNR, decibels; HDR-FLIP, downwards; the line joins what nothing beats in both</text>\n</svg>",
         height - 12.0
     );
     text
 }
 
-fn places(points: &BTreeMap<Key, Point>, scene: Option<&str>) -> Vec<Place> {
+fn places(points: &BTreeMap<Key, Point>, scene: Option<&str>, measure: &Measure) -> Vec<Place> {
     let mut groups: BTreeMap<Method, (Vec<f64>, Vec<f64>)> = BTreeMap::new();
     for (key, point) in points {
         if scene.is_none_or(|scene| scene == key.scene)
             && key.threads == 1
-            && let (Some(cost), Some(gain)) = (point.largest(), point.gain)
+            && let (Some(cost), Some(value)) = (point.largest(), (measure.of)(point))
         {
-            let (costs, gains) = groups.entry(key.method).or_default();
+            let (costs, values) = groups.entry(key.method).or_default();
             costs.push(cost.cpu_per_megapixel);
-            gains.push(gain);
+            values.push(value);
         }
     }
     let groups = groups.into_iter();
     groups
-        .map(|(method, (costs, gains))| (method, mean(&costs), geometric_mean(&gains)))
+        .map(|(method, (costs, values))| (method, mean(&costs), (measure.mean)(&values)))
         .collect()
 }
 
-fn panel(text: &mut String, title: &str, places: &[Place]) {
-    let top = places.iter().map(|p| p.2).fold(2.0, f64::max) * 1.1;
-    let at = |cost: f64, gain: f64| {
+fn panel(text: &mut String, title: &str, measure: &Measure, places: &[Place]) {
+    let range = range(measure, places);
+    let at = |cost: f64, value: f64| {
         let decade = cost.max(1e-9).log10().clamp(DECADES.0, DECADES.1);
         (
             (decade - DECADES.0) / (DECADES.1 - DECADES.0) * PANEL.0,
-            (1.0 - gain.max(0.0) / top) * PANEL.1,
+            (1.0 - (value - range.0) / (range.1 - range.0)).clamp(0.0, 1.0) * PANEL.1,
         )
     };
-    axes(text, title, top);
+    axes(text, title, range, measure.digits);
     let mut front: Vec<&Place> = places
         .iter()
-        .filter(|a| !places.iter().any(|b| b.1 < a.1 && b.2 > a.2))
+        .filter(|a| {
+            !places
+                .iter()
+                .any(|b| b.1 < a.1 && (b.2 > a.2) == measure.more && b.2 != a.2)
+        })
         .collect();
     front.sort_by(|a, b| a.1.total_cmp(&b.1));
     let line: Vec<String> = front
@@ -89,8 +130,8 @@ fn panel(text: &mut String, title: &str, places: &[Place]) {
         "<polyline fill=\"none\" stroke=\"#999\" points=\"{}\"/>",
         line.join(" ")
     );
-    for (method, cost, gain) in places {
-        let (x, y) = at(*cost, *gain);
+    for (method, cost, value) in places {
+        let (x, y) = at(*cost, *value);
         let colour = colour(*method);
         let _ = writeln!(
             text,
@@ -106,12 +147,28 @@ fn colour(method: Method) -> &'static str {
     match method {
         Method::Fast | Method::Balanced | Method::High => "#1565c0",
         Method::PerPixel | Method::Literal | Method::Wlr => "#6a1b9a",
-        Method::Oidn => "#c0392b",
+        Method::Oidn | Method::OidnFast | Method::OidnPrefiltered | Method::OidnFastPrefiltered => {
+            "#c0392b"
+        }
         _ => "#555",
     }
 }
 
-fn axes(text: &mut String, title: &str, top: f64) {
+/// The measure at the bottom and at the top: simple filters may be far below, and are drawn at the edge.
+fn range(measure: &Measure, places: &[Place]) -> (f64, f64) {
+    let values = || places.iter().map(|place| place.2);
+    let (least, most) = (
+        values().fold(f64::INFINITY, f64::min),
+        values().fold(f64::NEG_INFINITY, f64::max),
+    );
+    let room = 0.05 * (most - least).max(1e-3);
+    match measure.more {
+        true => (least - room, most + room),
+        false => (most + room, least - room),
+    }
+}
+
+fn axes(text: &mut String, title: &str, (bottom, top): (f64, f64), digits: usize) {
     let (width, height) = PANEL;
     let _ = writeln!(
         text,
@@ -129,11 +186,11 @@ fn axes(text: &mut String, title: &str, top: f64) {
         decade += 1.0;
     }
     for part in 0..=4 {
-        let gain = top * f64::from(part) / 4.0;
+        let value = bottom + (top - bottom) * f64::from(part) / 4.0;
         let y = (1.0 - f64::from(part) / 4.0) * height;
         let _ = writeln!(
             text,
-            "<text x=\"-5\" y=\"{:.1}\" text-anchor=\"end\">{gain:.1}</text>",
+            "<text x=\"-5\" y=\"{:.1}\" text-anchor=\"end\">{value:.digits$}</text>",
             y + 4.0
         );
     }

@@ -4,7 +4,7 @@ use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result};
 use clap::Args;
 use linpred::{Options, Report, RowSink, denoise};
 use linpred_core::Params;
@@ -15,7 +15,7 @@ use crate::clock::{Cost, measure};
 use crate::image::{Colour, Image, MirroredRows, Nowhere};
 use crate::method::Method;
 use crate::oidn;
-use crate::score::rmse;
+use crate::score::figures;
 
 /// What to measure.
 #[derive(Args, Clone, Debug)]
@@ -45,6 +45,10 @@ pub(crate) struct Measured {
     pub(crate) cost: Cost,
     /// At the image's own size only.
     pub(crate) rmse: Option<f64>,
+    /// Tone-mapped, decibels; likewise.
+    pub(crate) psnr: Option<f64>,
+    /// HDR-FLIP, likewise.
+    pub(crate) flip: Option<f64>,
     /// Models built, for linpred.
     pub(crate) models: Option<u64>,
     /// Pixels that passed through, for linpred.
@@ -55,27 +59,24 @@ pub(crate) struct Measured {
 pub(crate) fn measure_point(arguments: &PointArguments) -> Result<Measured> {
     let image = Image::read(&arguments.image)?;
     let copies = image.copies(arguments.megapixels);
-    let done = match (arguments.method.params(), arguments.method) {
+    let method = arguments.method;
+    let done = match (method.params(), method.oidn()) {
         (Some(params), _) => by_linpred(&image, copies, params, arguments.threads)?,
-        (None, Method::Oidn) => oidn::denoise(&image, copies, arguments.threads)?,
-        (None, method) => baselines::denoise(&image, copies, method)?,
+        (None, Some(how)) => oidn::denoise(&image, copies, arguments.threads, how)?,
+        (None, None) => baselines::denoise(&image, copies, method)?,
     };
-    let error = if copies == 1 {
-        let reference = Image::read(&arguments.reference)?;
-        ensure!(
-            reference.layout.size == image.layout.size,
-            "{} and {} differ in size",
-            arguments.image.display(),
-            arguments.reference.display()
-        );
-        Some(rmse(&done.colour.context("no image was kept")?, &reference))
+    let figures = if copies == 1 {
+        let colour = done.colour.context("no image was kept")?;
+        Some(figures(&colour, image.layout.size, &arguments.reference)?)
     } else {
         None
     };
     Ok(Measured {
         pixels: image.layout.size.pixels() * (copies * copies) as u64,
         cost: done.cost,
-        rmse: error,
+        rmse: figures.as_ref().map(|figures| figures.rmse),
+        psnr: figures.as_ref().map(|figures| figures.psnr),
+        flip: figures.as_ref().map(|figures| figures.flip),
         models: done.report.map(|report| report.models),
         passed_through: done.report.map(|report| report.counts.passed_through),
     })

@@ -33,6 +33,11 @@ pub(crate) struct Row {
     pub(crate) peak_mib: f64,
     pub(crate) before_mib: f64,
     pub(crate) rmse: Option<f64>,
+    /// Measurements of before it was measured have none, nor a FLIP.
+    #[serde(default)]
+    pub(crate) psnr: Option<f64>,
+    #[serde(default)]
+    pub(crate) flip: Option<f64>,
     pub(crate) models: Option<u64>,
     pub(crate) passed_through: Option<u64>,
 }
@@ -60,6 +65,8 @@ impl Row {
             peak_mib: measured.cost.peak_mib,
             before_mib: measured.cost.before_mib,
             rmse: measured.rmse,
+            psnr: measured.psnr,
+            flip: measured.flip,
             models: measured.models,
             passed_through: measured.passed_through,
         }
@@ -106,6 +113,8 @@ pub(crate) struct Key {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Point {
     pub(crate) rmse: Option<f64>,
+    pub(crate) psnr: Option<f64>,
+    pub(crate) flip: Option<f64>,
     /// Error of the noisy image over this one's.
     pub(crate) gain: Option<f64>,
     /// Models per pixel, where they were counted.
@@ -170,6 +179,8 @@ fn point(sizes: &BTreeMap<u64, Vec<&Row>>) -> Point {
         for row in rows {
             let share = |count: Option<u64>| count.map(|n| n as f64 / row.pixels as f64);
             point.rmse = row.rmse.or(point.rmse);
+            point.psnr = row.psnr.or(point.psnr);
+            point.flip = row.flip.or(point.flip);
             point.models = share(row.models).or(point.models);
             point.passed_through = share(row.passed_through).or(point.passed_through);
         }

@@ -46,11 +46,11 @@ fn methods(wanted: &[Method], out: &Path) -> Result<Vec<Method>> {
     } else {
         wanted.to_vec()
     };
-    if methods.contains(&Method::Oidn) {
+    if methods.iter().any(|method| method.oidn().is_some()) {
         match oidn::version() {
             Some(version) => note(out, &version)?,
             None => {
-                methods.retain(|method| *method != Method::Oidn);
+                methods.retain(|method| method.oidn().is_none());
                 eprintln!("Open Image Denoise is left out: `pip install pyoidn` for python3");
                 note(out, "pyoidn: not installed, left out")?;
             }

@@ -15,10 +15,10 @@ pub(crate) fn markdown(points: &Points) -> String {
         .flat_map(|p| p.sizes.keys().copied())
         .collect();
     let mut text = String::from("## Over all images\n\n");
-    text.push_str("Gain: geometric mean of rMSE(noisy) / rMSE(denoised), and the least. Times: mean over the images measured at that size (how many, in brackets).\n\n");
+    text.push_str("Gain: geometric mean of rMSE(noisy) / rMSE(denoised), and the least. PSNR (tone-mapped, decibels) and HDR-FLIP: means. Times: mean over the images measured at that size (how many, in brackets).\n\n");
     heading(
         &mut text,
-        "| method | threads | gain (images) | least gain | models per pixel |",
+        "| method | threads | gain (images) | least gain | PSNR | FLIP | models per pixel |",
         &sizes,
     );
     let methods: BTreeSet<(Method, usize)> =
@@ -33,7 +33,7 @@ pub(crate) fn markdown(points: &Points) -> String {
     text.push_str("\n## Every point\n\n");
     heading(
         &mut text,
-        "| scene | spp | method | threads | rMSE | gain | models per pixel | passed through |",
+        "| scene | spp | method | threads | rMSE | gain | PSNR | FLIP | models per pixel | passed through |",
         &sizes,
     );
     for (key, point) in points {
@@ -75,10 +75,12 @@ fn overall(
     let models: Vec<f64> = points.iter().filter_map(|p| p.models).collect();
     let _ = write!(
         text,
-        "| {} | {threads} | {:.2} ({}) | {least:.2} | {} |",
+        "| {} | {threads} | {:.2} ({}) | {least:.2} | {} | {} | {} |",
         method.name(),
         geometric_mean(&gains),
         gains.len(),
+        mean_of(points, |point| point.psnr, 2),
+        mean_of(points, |point| point.flip, 4),
         percent((!models.is_empty()).then(|| mean(&models)))
     );
     for size in sizes {
@@ -99,13 +101,15 @@ fn overall(
 fn single(text: &mut String, key: &Key, point: &Point, sizes: &BTreeSet<u64>) {
     let _ = write!(
         text,
-        "| {} | {} | {} | {} | {} | {} | {} | {} |",
+        "| {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |",
         key.scene,
         key.spp,
         key.method.name(),
         key.threads,
         point.rmse.map_or_else(String::new, |v| format!("{v:.5}")),
         point.gain.map_or_else(String::new, |v| format!("{v:.2}")),
+        point.psnr.map_or_else(String::new, |v| format!("{v:.2}")),
+        point.flip.map_or_else(String::new, |v| format!("{v:.4}")),
         percent(point.models),
         percent(point.passed_through)
     );
@@ -120,6 +124,15 @@ fn single(text: &mut String, key: &Key, point: &Point, sizes: &BTreeSet<u64>) {
         };
     }
     text.push('\n');
+}
+
+/// The mean of a figure over the points that have it.
+fn mean_of(points: &[&Point], figure: impl Fn(&Point) -> Option<f64>, digits: usize) -> String {
+    let values: Vec<f64> = points.iter().filter_map(|point| figure(point)).collect();
+    match values.is_empty() {
+        true => String::new(),
+        false => format!("{:.digits$}", mean(&values)),
+    }
 }
 
 fn percent(share: Option<f64>) -> String {

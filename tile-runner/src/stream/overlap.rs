@@ -43,7 +43,7 @@ impl ReadAhead {
                 }
             }
         };
-        spawn(scope, "that reads", read)?;
+        spawn(scope, "read", read)?;
         Ok(Self { layout, rows, used })
     }
 }
@@ -70,8 +70,9 @@ fn spawn<'scope, T: Send + 'scope>(
     what: &str,
     work: impl FnOnce() -> T + Send + 'scope,
 ) -> Result<ScopedJoinHandle<'scope, T>, Error> {
-    let started = Builder::new().spawn_scoped(scope, work);
-    started.map_err(|error| Error::Budget(format!("can't start the thread {what}: {error}")))
+    let named = Builder::new().name(format!("linpred {what}"));
+    let started = named.spawn_scoped(scope, work);
+    started.map_err(|error| Error::Budget(format!("can't start the thread to {what}: {error}")))
 }
 
 /// A sink that another thread writes to.
@@ -99,7 +100,7 @@ impl<'scope> WriteBehind<'scope> {
             }
             Ok(())
         };
-        let writer = spawn(scope, "that writes", write)?;
+        let writer = spawn(scope, "write", write)?;
         Ok(Self { rows, free, writer })
     }
 

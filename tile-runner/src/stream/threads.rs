@@ -59,7 +59,8 @@ pub(crate) fn pool(threads: NonZeroUsize) -> Result<Threads, Error> {
     let pool = ThreadPoolBuilder::new()
         .num_threads(threads.get())
         .spawn_handler(|thread| {
-            running.0.push(Builder::new().spawn(move || thread.run())?);
+            let named = Builder::new().name("linpred compute".into());
+            running.0.push(named.spawn(move || thread.run())?);
             Ok(())
         })
         .build()
