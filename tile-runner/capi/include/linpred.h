@@ -16,7 +16,7 @@
 #define LINPRED_LAYOUT_INIT { sizeof(linpred_layout), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, { 0, 0, 0, 0, 0, 0 } }
 #define LINPRED_STEP_INIT { sizeof(linpred_step), 0, 0, NULL, NULL }
 #define LINPRED_ROW_FUNCTIONS_INIT { sizeof(linpred_row_functions), NULL, NULL, NULL }
-#define LINPRED_FILE_OPTIONS_INIT { sizeof(linpred_file_options), NULL, 0, 0, 0, 0, NULL, NULL, 0, 0, NULL }
+#define LINPRED_FILE_OPTIONS_INIT { sizeof(linpred_file_options), NULL, 0, 0, 0, 0, NULL, NULL, 0, 0, NULL, NULL }
 #define LINPRED_SAMPLE_GOAL_INIT { sizeof(linpred_sample_goal), 0, 0 }
 #define LINPRED_SAMPLE_SUMMARY_INIT { sizeof(linpred_sample_summary), 0, 0, 0, 0, 0, 0, 0 }
 
