@@ -6,12 +6,12 @@ use linpred_core::{
     BLOCK_COLUMNS, BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane, FEATURES, FURTHER, MAX_FEATURES,
     NOISE_HALO, NoiseBlock, NoisePlane, NoisyBlock,
 };
+use linpred_dispatch::InstructionSet;
 use rayon::prelude::*;
 
 use crate::row::{RowLayout, VarianceKind};
 use crate::stream::borders::{copy_mirrored, mirrored};
 use crate::stream::held_rows::HeldRows;
-use linpred_dispatch::InstructionSet;
 
 /// Blocks that each thread estimates before their results are stored.
 const BLOCKS_PER_THREAD: usize = 4;

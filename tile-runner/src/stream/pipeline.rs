@@ -17,6 +17,7 @@ use std::num::NonZeroUsize;
 use std::ops::{ControlFlow, Range};
 
 use linpred_core::{CELL, HALO, Params};
+use linpred_dispatch::InstructionSet;
 use rayon::prelude::*;
 
 use crate::error::Error;
@@ -28,7 +29,6 @@ use crate::stream::resolved_row::{ResolvedRow, rows_per_thread};
 use crate::stream::rows_of_cells::{CellBenches, best_rows};
 use crate::stream::sum_rows::SumRows;
 use crate::stream::threads::{Threads, pool, stack_bytes, threads_to_use};
-use linpred_dispatch::InstructionSet;
 
 /// How to run: what to compute, and on how many threads.
 #[derive(Clone, Copy, Debug)]

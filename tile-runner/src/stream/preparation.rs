@@ -7,6 +7,7 @@ use std::num::NonZeroUsize;
 use std::ops::Range;
 
 use linpred_core::{CELL, FIREFLY_HALO, HALO, Params};
+use linpred_dispatch::InstructionSet;
 
 use crate::error::Error;
 use crate::row::{InputRow, RowLayout, RowSource};
@@ -16,7 +17,6 @@ use crate::stream::missing_variances::{MISSING_HALO, Missing};
 use crate::stream::neighbourhood::{Neighbourhood, prepared_from};
 use crate::stream::prepared_rows::{BLOCK_HALO, BlockBench, PreparedRows};
 use crate::stream::report::Counts;
-use linpred_dispatch::InstructionSet;
 
 /// Rows below a row of cells that its pixels depend on, beside [`INPUT_HALO`].
 pub(crate) const LOOK_BELOW: usize = HALO + BLOCK_HALO;

@@ -8,13 +8,13 @@ use linpred_core::{
     BLOCK_HEIGHT, BLOCK_WIDTH, BlockPlane, ColourBlock, FeatureGroup, FilteredGroup, MAX_FEATURES,
     PREFILTER_HALO, WEIGHTS_HALO, WeightBlock,
 };
+use linpred_dispatch::InstructionSet;
 use rayon::prelude::*;
 
 use crate::geometry::plane_bytes;
 use crate::row::RowLayout;
 use crate::stream::borders::copy_clamped;
 use crate::stream::held_rows::HeldRows;
-use linpred_dispatch::InstructionSet;
 
 /// Rows of input around a row of blocks that it is made of.
 pub(crate) const BLOCK_HALO: usize = WEIGHTS_HALO;

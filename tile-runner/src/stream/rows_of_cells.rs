@@ -11,12 +11,12 @@ use linpred_core::{
     CELL, Cells, FeatureSet, Formulas, LayerTile, OtherFeatures, Params, Predictions, SETS,
     Scratch, TILE_FEATURES, Tile, WIDE_TILE_FEATURES,
 };
+use linpred_dispatch::{InstructionSet, LANES};
 use rayon::prelude::*;
 
 use crate::row::RowLayout;
 use crate::stream::neighbourhood::{CellAt, Neighbourhood};
 use crate::stream::sum_rows::{Adding, SumRows};
-use linpred_dispatch::{InstructionSet, LANES};
 
 /// Rows of cells that are best worked on together: each lane has some eight cells then. Measured with two threads, part of the lanes that are busy, models of `balanced`: at 512 columns with one row .71,
 /// with two, four, eight .83, .91, .95; at 1920 .90, .95, .97, .98.

@@ -5,6 +5,7 @@ use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
 use linpred_core::{CELL, FEATURE_NAMES, Formulas, MAX_FEATURES, Params, PixelState};
+use linpred_dispatch::InstructionSet;
 
 use crate::error::Error;
 use crate::row::{RowLayout, RowSource};
@@ -12,7 +13,6 @@ use crate::stream::neighbourhood::{CellAt, Neighbourhood};
 use crate::stream::preparation::Preparation;
 use crate::stream::report::Counts;
 use crate::stream::threads::{pool, stack_bytes};
-use linpred_dispatch::InstructionSet;
 
 /// What the pixels of an image hold.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -24,6 +24,7 @@ use std::fmt::{self, Debug};
 use std::num::NonZeroUsize;
 
 use linpred_core::TEMPORAL_RADIUS;
+use linpred_dispatch::InstructionSet;
 use rayon::prelude::*;
 
 use crate::error::Error;
@@ -37,7 +38,6 @@ use crate::temporal::held_frame::most_rows;
 use crate::temporal::neighbour::{Comparison, Neighbour};
 use crate::temporal::planes::{Planes, averaged_mut};
 use crate::temporal::side::{Direction, Side};
-use linpred_dispatch::InstructionSet;
 
 /// Rows of a neighbour that wait to be filled again.
 const HELD_BESIDE: usize = held_frame::SPARE;

@@ -3,6 +3,7 @@
 use linpred_core::{
     COMPARED_PLANES, DEPTH_CHANGE, MEASURED_PLANES, TEMPORAL_RADIUS, TEMPORAL_SPAN,
 };
+use linpred_dispatch::InstructionSet;
 
 use crate::error::Error;
 use crate::row::{RowLayout, RowSource};
@@ -11,7 +12,6 @@ use crate::stream::row_ring::RowRing;
 use crate::temporal::held_frame::HeldFrame;
 use crate::temporal::planes::Planes;
 use crate::temporal::track::Track;
-use linpred_dispatch::InstructionSet;
 
 /// Depths of a neighbour change by this factor at most, or by its inverse.
 const LARGEST_CHANGE: f32 = 2.0;

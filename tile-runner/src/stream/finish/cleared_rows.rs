@@ -3,13 +3,13 @@
 use linpred_core::{
     DESPECKLE_RADIUS, DESPECKLE_SPAN, FinishedPlane, LIGHT_PLANES, LitRow, SpeckRow,
 };
+use linpred_dispatch::InstructionSet;
 
 use crate::row::RowLayout;
 use crate::stream::finish::blended_rows::{BlendedRows, extend, nearest};
 use crate::stream::finish::planes::{Plane, Radiance};
 use crate::stream::finish::ready;
 use crate::stream::row_ring::RowRing;
-use linpred_dispatch::InstructionSet;
 
 /// A row.
 pub(crate) struct ClearedRow {

@@ -1,13 +1,13 @@
 //! Rows of output, with the light given back that they lack.
 
 use linpred_core::RESTORE_RADIUS;
+use linpred_dispatch::InstructionSet;
 
 use crate::row::{OutputRow, RowLayout};
 use crate::stream::finish::blended_rows::{BlendedRows, nearest};
 use crate::stream::finish::cleared_rows::ClearedRow;
 use crate::stream::finish::planes::Plane;
 use crate::stream::row_ring::RowRing;
-use linpred_dispatch::InstructionSet;
 
 /// A row.
 pub(crate) struct FinishedRow {

@@ -19,6 +19,7 @@ pub(crate) mod planes;
 mod smoothing;
 
 use linpred_core::{DESPECKLE_RADIUS, ERROR_RADIUS, MEAN_RADIUS, RESTORE_RADIUS, SMOOTHINGS};
+use linpred_dispatch::InstructionSet;
 use rayon::prelude::*;
 
 use crate::row::{OutputRow, RowLayout};
@@ -29,7 +30,6 @@ use crate::stream::finish::planes::{Radiance, padded_bytes};
 use crate::stream::finish::smoothing::Pass;
 use crate::stream::neighbourhood::PixelRow;
 use crate::stream::row_ring::RowRing;
-use linpred_dispatch::InstructionSet;
 
 /// Rows from one to its farthest neighbour in each pass.
 const REACH: [usize; SMOOTHINGS.len()] = [SMOOTHINGS[0].reach(), SMOOTHINGS[1].reach()];

@@ -4,13 +4,13 @@ use linpred_core::{
     ComparedRow, ERROR_RADIUS, Feature, FinishedPlane, MEAN_RADIUS, Precisions, SMOOTH_SPAN,
     Smoothing, Surroundings,
 };
+use linpred_dispatch::InstructionSet;
 
 use crate::row::RowLayout;
 use crate::stream::finish::blended_rows::{BlendedRows, extend, nearest};
 use crate::stream::finish::planes::{Plane, Radiance};
 use crate::stream::finish::ready;
 use crate::stream::row_ring::RowRing;
-use linpred_dispatch::InstructionSet;
 
 /// A pass and the rows that it holds.
 pub(crate) struct Pass {
