@@ -255,7 +255,10 @@ def test_what_progress_raises_ends_the_run() -> None:
 
 
 LONG_RUN = """
+import signal
 import numpy, linpred
+# a shell that starts the tests in the background has it ignored
+signal.signal(signal.SIGINT, signal.default_int_handler)
 noisy = numpy.random.default_rng(1).uniform(size=(20000, 100, 3))
 print("ready", flush=True)
 try:

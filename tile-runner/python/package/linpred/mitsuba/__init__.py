@@ -147,7 +147,7 @@ def _options(
     """The options, checked before anything is rendered."""
     to = path("output", output)
     # what the last step would refuse
-    _linpred.check(reading(to, "auto", None, (), None, None, (), "auto", max_memory), writing(to, False, False, None), computing(quality, None, "robust", threads))
+    _linpred.check(reading(to, "auto", None, (), None, None, (), "auto", max_memory), writing(to, False, False, None, "keep"), computing(quality, None, "robust", threads))
     if os.path.isdir(to):
         raise IsADirectoryError(21, "the output is a folder", to)
     if not os.path.isdir(os.path.dirname(to) or "."):
