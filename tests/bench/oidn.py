@@ -35,23 +35,29 @@ def read(folder, name, width, height, copies):
     return np.ascontiguousarray(np.pad(image, more, mode="symmetric"))
 
 
+FILTERS = {}
+"""By the name of a feature, what denoises it: made once, as in a renderer."""
+
+
 def without_noise(name, image, quality):
     """A feature, denoised by itself."""
     import numpy as np
     import pyoidn
 
-    clean = np.empty_like(image)
-    with pyoidn.Device() as device:
+    if name not in FILTERS:
+        device = pyoidn.Device()
         device.commit()
-        with pyoidn.Filter(device, "RT") as one:
-            one.set_image(name, image, pyoidn.OIDN_FORMAT_FLOAT3)
-            one.set_image("output", clean, pyoidn.OIDN_FORMAT_FLOAT3)
-            one.set_quality({"fast": 4, "balanced": 5, "high": 6}[quality])
-            one.commit()
-            one.execute()
-        error = device.get_error()
-        if error:
-            sys.exit(f"Open Image Denoise: {error}")
+        FILTERS[name] = device, pyoidn.Filter(device, "RT")
+    device, one = FILTERS[name]
+    clean = np.empty_like(image)
+    one.set_image(name, image, pyoidn.OIDN_FORMAT_FLOAT3)
+    one.set_image("output", clean, pyoidn.OIDN_FORMAT_FLOAT3)
+    one.set_quality({"fast": 4, "balanced": 5, "high": 6}[quality])
+    one.commit()
+    one.execute()
+    error = device.get_error()
+    if error:
+        sys.exit(f"Open Image Denoise: {error}")
     return clean
 
 

@@ -78,7 +78,8 @@ impl RowSource for MirroredRows<'_> {
 }
 
 fn mirror(row: &[f32], out: &mut [f32]) {
-    for (copy, out) in out.chunks_mut(row.len()).enumerate() {
+    // features that the image lacks have no planes
+    for (copy, out) in out.chunks_mut(row.len().max(1)).enumerate() {
         out.copy_from_slice(row);
         if copy % 2 == 1 {
             out.reverse();
