@@ -290,8 +290,7 @@ impl Rewrite {
             attributes.set(name, "string", value.clone().into_bytes());
         }
         let fills = add_channels(&mut header, &mut attributes, fills, added);
-        let was_lossy = header.compression.may_loose_data();
-        if was_lossy {
+        if header.compression.may_loose_data() {
             self.notes.push(format!(
                 "{place}: was stored with {}, which loses data: its noise is not what was rendered",
                 header.compression

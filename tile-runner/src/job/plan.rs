@@ -144,13 +144,13 @@ fn schedules(threads: NonZeroUsize, cell_rows: NonZeroUsize, at_once: bool) -> V
     };
     let mut all = Vec::new();
     if threads > one {
-        if at_once {
+        for codes_at_once in [true, false].into_iter().filter(|own| at_once || !own) {
             all.extend(cell_rows().map(|rows| {
                 let in_flight = ROWS_IN_FLIGHT.saturating_mul(rows.get());
-                schedule(threads, in_flight, rows, true)
+                schedule(threads, in_flight, rows, codes_at_once)
             }));
         }
-        for in_flight in [ROWS_IN_FLIGHT, 8, 2] {
+        for in_flight in [8, 2] {
             all.push(schedule(threads, in_flight, one, false));
         }
     }

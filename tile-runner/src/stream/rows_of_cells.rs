@@ -18,7 +18,7 @@ use crate::row::RowLayout;
 use crate::stream::neighbourhood::{CellAt, Neighbourhood};
 use crate::stream::sum_rows::{Adding, SumRows};
 
-/// Rows of cells that are best worked on together: each lane has some eight cells then. Measured with two threads, part of the lanes that are busy, models of `balanced`: at 512 columns with one row .71,
+/// Rows of cells that are best worked on together: each lane has some eight cells then. Part of the lanes of two threads that are busy, counted from the models of every cell (`balanced`): at 512 columns with one row .71,
 /// with two, four, eight .83, .91, .95; at 1920 .90, .95, .97, .98.
 pub(crate) fn best_rows(layout: &RowLayout, threads: NonZeroUsize) -> NonZeroUsize {
     let columns = layout.size.width().div_ceil(CELL);
