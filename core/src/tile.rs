@@ -122,19 +122,9 @@ pub(crate) struct Seen<'a, const D: usize> {
 impl<'a, const D: usize> Seen<'a, D> {
     /// Set `set`, if it is not that of the tile's pixels.
     #[inline(always)]
-    fn other(&self, set: usize) -> Option<&'a FeatureSet<D>> {
+    pub(crate) fn other(&self, set: usize) -> Option<&'a FeatureSet<D>> {
         let otherwise = self.otherwise?;
         set.checked_sub(1).and_then(|set| otherwise.get(set))
-    }
-
-    /// The features of set `set` at `y * TILE + x`; beyond the tile, those of [`Tile::pixel_at`].
-    #[inline(always)]
-    pub(crate) fn features_at(&self, set: usize, position: usize) -> &'a [f32; D] {
-        let other = self.other(set);
-        match other.and_then(|features| features.value.get(position)) {
-            Some(features) => features,
-            None => &self.tile.pixel_at(position).features,
-        }
     }
 
     /// The variances of set `set`.

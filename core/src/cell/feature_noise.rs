@@ -36,15 +36,19 @@ impl<const D: usize> FeatureNoise<D> {
         let rows = seen.tile.pixels.chunks_exact(TILE);
         let variances = seen.variance_of(set).chunks_exact(TILE);
         for (y, (pixels, own)) in rows.zip(variances).enumerate() {
-            let mut variances = [[0.0; D]; TILE];
-            let mut noisy = false;
-            for ((variance, pixel), own) in variances.iter_mut().zip(pixels).zip(own) {
-                if pixel.weight > 0.0 {
-                    *variance = *own;
-                    noisy |= own.iter().any(|v| *v > 0.0);
+            let Some(own) = own.first_chunk::<TILE>() else {
+                debug_assert!(false, "a row is {TILE} pixels");
+                return;
+            };
+            let mut variances = *own;
+            for (variance, pixel) in variances.iter_mut().zip(pixels) {
+                if pixel.weight <= 0.0 {
+                    *variance = [0.0; D];
                 }
             }
-            if noisy {
+            // No branch, so that the compiler makes vectors of it.
+            let noisy = |some, variance: &f32| some | (*variance > 0.0);
+            if variances.as_flattened().iter().fold(false, noisy) {
                 self.add_row(y, &along(&variances));
             }
         }

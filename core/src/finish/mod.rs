@@ -42,11 +42,11 @@ pub(crate) fn run(plane: &[f32], first: usize) -> &Run {
     columns(plane, first)
 }
 
-/// Stores a run at column `first` of a plane.
+/// Stores a run, or a part of one, at column `first` of a plane.
 #[inline(always)]
-pub(crate) fn store(plane: &mut [f32], first: usize, values: &Run) {
+pub(crate) fn store<const N: usize>(plane: &mut [f32], first: usize, values: &[f32; N]) {
     let target = plane.get_mut(first..).and_then(<[f32]>::first_chunk_mut);
-    debug_assert!(target.is_some(), "a run at {first}");
+    debug_assert!(target.is_some(), "{N} columns at {first}");
     if let Some(target) = target {
         *target = *values;
     }

@@ -22,11 +22,6 @@
 //! A pixel without noise neither changes nor counts, and nor does one with a negative channel: what is not negative stays so, and
 //! layers, smoothed with the weights of their colour, still sum to it.
 
-#![expect(
-    clippy::needless_range_loop,
-    reason = "the loops follow the indices of the formulas"
-)]
-
 use crate::block::plane::columns;
 use crate::features::{FEATURES, Feature};
 use crate::finish::{FinishedPlane, RUN, Run, is_zero, run, runs, store};
@@ -283,25 +278,51 @@ impl<'a> ComparedRow<'a> {
         }
     }
 
+    /// The columns from `first` on, and those of their farthest neighbours on both sides.
     #[inline(always)]
-    fn run(&self, first: usize) -> ComparedRun<'a> {
-        ComparedRun {
-            takes_part: run(self.takes_part, first),
-            colour: self.colour.map(|plane| run(plane, first)),
-            colour_precision: run(self.colour_precision, first),
-            features: self.features.map(|plane| run(plane, first)),
-            feature_precision: self.feature_precision.map(|plane| run(plane, first)),
+    fn around(&self, first: usize) -> Compared<'a, AROUND> {
+        let around = |plane: &'a [f32]| columns(plane, first - REACH);
+        Compared {
+            takes_part: around(self.takes_part),
+            colour: self.colour.map(around),
+            colour_precision: around(self.colour_precision),
+            features: self.features.map(around),
+            feature_precision: self.feature_precision.map(around),
         }
     }
 }
 
-/// Columns of it.
-struct ComparedRun<'a> {
-    takes_part: &'a Run,
-    colour: [&'a Run; 3],
-    colour_precision: &'a Run,
-    features: [&'a Run; FEATURES],
-    feature_precision: [&'a Run; Feature::ALL.len()],
+/// Columns of a run that are compared with all of their neighbours before the next: with AVX-512 they stay in registers (measured: 41 ns a pixel and pass for 54 with whole runs;
+/// AVX2 62 for 66, SSE2 131 for 124).
+const PART: usize = 16;
+const _: () = assert!(RUN.is_multiple_of(PART));
+type Part = [f32; PART];
+
+/// Columns of a part and of its neighbours.
+const AROUND: usize = PART + 2 * REACH;
+
+/// `N` columns of a row.
+struct Compared<'a, const N: usize> {
+    takes_part: &'a [f32; N],
+    colour: [&'a [f32; N]; 3],
+    colour_precision: &'a [f32; N],
+    features: [&'a [f32; N]; FEATURES],
+    feature_precision: [&'a [f32; N]; Feature::ALL.len()],
+}
+
+impl<'a> Compared<'a, AROUND> {
+    /// The part that begins in column `first` of these.
+    #[inline(always)]
+    fn part(&self, first: usize) -> Compared<'a, PART> {
+        let part = |plane: &'a [f32; AROUND]| columns(plane, first);
+        Compared {
+            takes_part: part(self.takes_part),
+            colour: self.colour.map(part),
+            colour_precision: part(self.colour_precision),
+            features: self.features.map(part),
+            feature_precision: self.feature_precision.map(part),
+        }
+    }
 }
 
 /// Smooths a row of every plane with the same weights. `rows` are the rows of the neighbours, from above to below, `step` rows from one to
@@ -324,7 +345,12 @@ pub fn smooth(
             }
             continue;
         }
-        weights.compare(rows, step, first);
+        // Where the step is known, no column is looked for beyond what is around.
+        match step {
+            1 => weights.compare(rows, 1, first),
+            4 => weights.compare(rows, 4, first),
+            _ => weights.compare(rows, step, first),
+        }
         for plane in planes.iter_mut() {
             let smoothed = weights.average(&plane.rows, step, first);
             store(plane.output, first, &smoothed);
@@ -355,19 +381,25 @@ impl Weights {
 
     #[inline(always)]
     fn compare(&mut self, rows: &[ComparedRow<'_>; SMOOTH_SPAN], step: usize, first: usize) {
-        let own = rows[SMOOTH_RADIUS].run(first);
-        let mut sums = [0.0; RUN];
-        for (row, weights) in rows.iter().zip(&mut self.neighbours) {
-            for (column, weights) in neighbours(first, step).zip(weights) {
-                *weights = compare_runs(&own, &row.run(column));
-                for x in 0..RUN {
-                    sums[x] += weights[x];
+        for part in (0..RUN).step_by(PART) {
+            let own = rows[SMOOTH_RADIUS].around(first + part).part(REACH);
+            let mut sums = [0.0; PART];
+            for (row, weights) in rows.iter().zip(&mut self.neighbours) {
+                let row = row.around(first + part);
+                for (column, weights) in neighbours(REACH, step).zip(weights) {
+                    let found = compare_parts(&own, &row.part(column));
+                    for x in 0..PART {
+                        sums[x] += found[x];
+                    }
+                    store(weights, part, &found);
                 }
             }
-        }
-        for x in 0..RUN {
-            let takes_part = own.takes_part[x] > 0.0;
-            self.share[x] = if takes_part { 1.0 / sums[x] } else { 0.0 };
+            let mut share = [0.0; PART];
+            for x in 0..PART {
+                let takes_part = own.takes_part[x] > 0.0;
+                share[x] = if takes_part { 1.0 / sums[x] } else { 0.0 };
+            }
+            store(&mut self.share, part, &share);
         }
     }
 
@@ -398,15 +430,15 @@ fn neighbours(first: usize, step: usize) -> impl Iterator<Item = usize> {
     (0..SMOOTH_SPAN).map(move |k| first + k * step - SMOOTH_RADIUS * step)
 }
 
-/// Weights of a run of neighbours.
+/// Weights of a part's neighbours.
 #[inline(always)]
-fn compare_runs(own: &ComparedRun<'_>, other: &ComparedRun<'_>) -> Run {
+fn compare_parts(own: &Compared<'_, PART>, other: &Compared<'_, PART>) -> Part {
     let [nx, ny, nz, red, green, blue, z] = own.features;
     let [mx, my, mz, r, g, b, w] = other.features;
     let [normal, albedo, depth] = own.feature_precision;
     let [other_normal, other_albedo, other_depth] = other.feature_precision;
-    let mut weights = [0.0; RUN];
-    for x in 0..RUN {
+    let mut weights = [0.0; PART];
+    for x in 0..PART {
         let squares = squared_distance(&own.colour, &other.colour, x);
         let mut distance = squares * (own.colour_precision[x] + other.colour_precision[x]);
         let squares = squared_distance(&[nx, ny, nz], &[mx, my, mz], x);
@@ -425,7 +457,7 @@ fn compare_runs(own: &ComparedRun<'_>, other: &ComparedRun<'_>) -> Run {
 }
 
 #[inline(always)]
-fn squared_distance(own: &[&Run; 3], other: &[&Run; 3], x: usize) -> f32 {
+fn squared_distance(own: &[&Part; 3], other: &[&Part; 3], x: usize) -> f32 {
     let [a, b, c] = own;
     let [p, q, r] = other;
     let (a, b, c) = (a[x] - p[x], b[x] - q[x], c[x] - r[x]);
