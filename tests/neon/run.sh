@@ -9,6 +9,7 @@ missing=
 need() { command -v "$1" >/dev/null || missing="$missing $2"; }
 need qemu-aarch64-static qemu-user-static
 need aarch64-linux-gnu-gcc gcc-aarch64-linux-gnu
+[ -e /usr/aarch64-linux-gnu/lib/libc.so.6 ] || missing="$missing libc6-dev-arm64-cross"
 if [ -n "$missing" ]; then
     echo "missing Debian packages:$missing" >&2
     exit 3

@@ -42,7 +42,8 @@ impl<const D: usize> FeatureNoise<D> {
             };
             let mut variances = *own;
             for (variance, pixel) in variances.iter_mut().zip(pixels) {
-                if pixel.weight <= 0.0 {
+                let valid = pixel.weight > 0.0;
+                if !valid {
                     *variance = [0.0; D];
                 }
             }

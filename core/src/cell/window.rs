@@ -262,14 +262,6 @@ fn take_features<const K: usize, const D: usize, const L: usize>(
     if const { K >= D } {
         return;
     }
-    let first = const { if K + 4 <= D || D < 4 { K } else { D - 4 } };
-    let fours = transposed::<L>(|l| {
-        let values = read.features.get(l).and_then(|own| own.get(first..));
-        match values.and_then(<[_]>::first_chunk) {
-            Some(four) => *four,
-            None => [0.0; 4],
-        }
-    });
     if const { D < 4 } {
         for j in K..D {
             for l in 0..L {
@@ -278,6 +270,14 @@ fn take_features<const K: usize, const D: usize, const L: usize>(
         }
         return;
     }
+    let first = const { if K + 4 <= D || D < 4 { K } else { D - 4 } };
+    let fours = transposed::<L>(|l| {
+        let values = read.features.get(l).and_then(|own| own.get(first..));
+        match values.and_then(<[_]>::first_chunk) {
+            Some(four) => *four,
+            None => [0.0; 4],
+        }
+    });
     for (feature, value) in features.iter_mut().skip(first).zip(fours) {
         *feature = value;
     }

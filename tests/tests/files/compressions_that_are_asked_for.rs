@@ -61,6 +61,23 @@ fn every_compression_is_what_the_file_has_and_changes_no_pixel() {
 }
 
 #[test]
+fn the_plan_names_what_is_written_by_its_own_compression() {
+    let folder = tempfile::tempdir().unwrap();
+    let noisy = part(everything(PIXELS));
+    store(
+        folder.path(),
+        noisy,
+        Compression::Uncompressed,
+        Blocks::ScanLines,
+    );
+    let options = ["--compression", "piz", "--dry-run"];
+    command::denoise(folder.path(), "out.exr", &options).prints(&[
+        "writing part 0 (piz, chunks of 32 rows",
+        "encoding part 0 (piz, chunks of 32 rows",
+    ]);
+}
+
+#[test]
 fn dwaa_may_lose_data_of_colours_alone_and_says_so_of_those_that_are_kept() {
     let folder = tempfile::tempdir().unwrap();
     let mut channels = colour(PIXELS);

@@ -131,7 +131,8 @@ pub(crate) struct DenoiseArguments {
     #[arg(long)]
     pub(crate) models_layer: bool,
     /// How what is denoised is stored; parts of which nothing is are copied as they are stored. 'keep': as in the input, but with zip where that would lose data of what is added
-    /// or kept. 'zip' and 'none' are the fastest; 'dwaa' loses data of every channel that is called R, G or B
+    /// or kept. 'zip' and 'none' are the fastest; 'dwaa' loses data of every channel called R, G, B, RY, BY or Y,
+    /// that of a normal, too
     #[arg(long, value_parser = compression_names(), default_value = "keep")]
     pub(crate) compression: OutputCompression,
     /// Threads that compute, at most one on each processor; the result does not depend on it [default: all processors]

@@ -4,12 +4,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZeroUsize;
 
 use exr::meta::attribute::Compression;
+use exr::meta::header::Header;
 use linpred_core::Params;
 
 use crate::channels::names::ChannelRef;
 use crate::error::Error;
 use crate::exr_file::Part;
 use crate::exr_file::compression::{CODEC_AT_REST, chunks_while_coding, coded_at_once};
+use crate::exr_file::grid::ChunkGrid;
 use crate::image::rewrite::{Fill, Rewrite, RewrittenPart};
 use crate::image::source::ExrSource;
 use crate::job::input::{Input, rewrite};
@@ -394,7 +396,7 @@ fn add_coding(plan: &mut MemoryPlan, pictures: &[Input], written: &[RewrittenPar
         let coding = bytes.saturating_mul(chunks_while_coding(part.header.compression));
         Coding {
             bytes: coding.max(source),
-            what: describe(&files[0].parts()[part.index]),
+            what: describe_output(&files[0].parts()[part.index], part),
         }
     });
     let written: Vec<Coding> = written.collect();
@@ -475,20 +477,30 @@ fn add_writing(plan: &mut MemoryPlan, input: &Input, rewrite: &Rewrite) {
             (true, true) => source.chunk_bytes(),
         };
         let bytes = chunk.saturating_add(old);
-        plan.add(format!("writing {}", describe(source)), bytes);
+        let what = describe_output(source, part);
+        plan.add(format!("writing {what}"), bytes);
     }
 }
 
+/// A part as it is in the input.
 fn describe(part: &Part) -> String {
-    let compression = match part.header.compression {
+    describe_chunks(&part.label(), &part.header, part.grid)
+}
+
+/// The same part as it is written.
+fn describe_output(source: &Part, written: &RewrittenPart) -> String {
+    describe_chunks(&source.label(), &written.header, written.grid)
+}
+
+fn describe_chunks(label: &str, header: &Header, grid: ChunkGrid) -> String {
+    let compression = match header.compression {
         Compression::Uncompressed => "uncompressed".to_owned(),
         Compression::ZIP1 | Compression::ZIP16 => "zip".to_owned(),
         other => other.to_string().replace(" compression", ""),
     };
     format!(
-        "{} ({compression}, chunks of {} rows x {} channels)",
-        part.label(),
-        part.grid.chunk_height().min(part.header.layer_size.1),
-        part.header.channels.list.len()
+        "{label} ({compression}, chunks of {} rows x {} channels)",
+        grid.chunk_height().min(header.layer_size.1),
+        header.channels.list.len()
     )
 }

@@ -123,7 +123,7 @@ def denoise_file(
         error_layer: Adds the channel ``linpred.error``, the estimated mean squared error of each pixel.
         models_layer: Adds ``linpred.radius`` and ``linpred.rank``, and with ``temporal`` ``linpred.frames``.
         compression: How what is denoised is stored: ``"keep"`` as in the input, but with zip where that would lose data of what is added or kept; ``"zip"``, ``"zips"``,
-            ``"rle"``, ``"piz"``, ``"none"``; ``"dwaa"``, which loses data of every channel that is called R, G or B.
+            ``"rle"``, ``"piz"``, ``"none"``; ``"dwaa"``, which loses data of every channel called R, G, B, RY, BY or Y.
         max_memory: Bytes that may be used, or ``"256M"``; 2 GiB by default. A job that needs more is refused before it begins.
         frames: Of a sequence, ``"1-100x2,205"`` or numbers; those whose files exist by default.
         temporal: Has the frames of a sequence help each other, so that they do not flicker: so many before and after each, 1 to 8, or True for 3.
