@@ -73,6 +73,9 @@ pub const SMOOTHINGS: [Smoothing; 2] = [
         error_left: 0.6,
     },
 ];
+/// Their steps.
+const FINE_STEP: usize = SMOOTHINGS[0].step;
+const WIDE_STEP: usize = SMOOTHINGS[1].step;
 /// Columns from a pixel to its farthest neighbour.
 pub(crate) const REACH: usize = SMOOTHINGS[1].reach();
 
@@ -345,10 +348,10 @@ pub fn smooth(
             }
             continue;
         }
-        // Where the step is known, no column is looked for beyond what is around.
+        // Where the compiler knows the step, it knows that no neighbour lies beyond what is around.
         match step {
-            1 => weights.compare(rows, 1, first),
-            4 => weights.compare(rows, 4, first),
+            FINE_STEP => weights.compare(rows, FINE_STEP, first),
+            WIDE_STEP => weights.compare(rows, WIDE_STEP, first),
             _ => weights.compare(rows, step, first),
         }
         for plane in planes.iter_mut() {
